@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.core.device import Clamp, Model
-from femnl.core.mechanics import Domain, Prestress
+from femnl.core.domain import Domain, Prestress
 from femnl.core.outline import Holes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (

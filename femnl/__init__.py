@@ -70,7 +70,7 @@ def __dir__() -> list[str]:
 # when it is needed.
 _PICTURED = (
     ("femnl.core.device", "Model"),
-    ("femnl.core.mechanics", "Modes"),
+    ("femnl.core.modes", "Modes"),
     ("femnl.core.readout", "HarmonicMap"),
 )
 _PAINTER = "femnl.plot.notebook"

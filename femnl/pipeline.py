@@ -5,7 +5,6 @@ From a device to its modes, their nonlinearity and what the readout shows of the
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -17,7 +16,8 @@ import numpy as np
 from femnl.core.choices import Certified
 from femnl.core.device import Edge, Model
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
-from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.core.processes import one_blas_thread
 from femnl.core.readout import Array, HarmonicMap
 from femnl.device.geometry import load, load_shipped, parse
@@ -102,58 +102,6 @@ def solve_modes(
     return _alone(model, options, at_resolution, resolution, cache)
 
 
-def _say_what_bends(model: Model) -> None:
-    """Say how far layers bend the film at rest, which its modes are solved without."""
-    from femnl.mechanics.fem.offset import covers_evenly, ends_free, own_moment, tension_offset
-
-    if covers_evenly(model):
-        if model.bending and ends_free(model):
-            logging.getLogger("femnl").warning(
-                "%s: the stresses of its layers bend the film at rest, from its free edges and by "
-                "a moment of %.2g N; modes are those of the flat film, and a bow by its layers "
-                "(--bow layers) has those of the bent one",
-                model.name,
-                own_moment(model),
-            )
-        return
-    offset = tension_offset(model)
-    if offset != 0:
-        logging.getLogger("femnl").warning(
-            "%s: the stresses of its layers bend the film at rest, by about %.2g nm, %.2g of its "
-            "thickness; modes are those of the flat film",
-            model.name,
-            abs(offset) * 1e9,
-            abs(offset) / model.film.thickness,
-        )
-
-
-def _say_what_is_compressed(modes: Modes) -> None:
-    """Say where a film without bending is under compression after release.
-
-    It has no modes then: a coarse mesh does not see the folds that a finer one finds, nor do its
-    error bars.
-    """
-    from femnl.mechanics.compression import released_stress
-
-    model = modes.domain.model
-    ends_free = not all(segment.clamped for segment in model.outline.segments)
-    if model.bending or not (model.openings or ends_free):
-        return
-    with one_blas_thread():
-        stress = released_stress(modes.domain)
-    if stress.compressed.any():
-        least, (x, y) = stress.worst
-        logging.getLogger("femnl").warning(
-            "%s: after release the film is under compression, by %.2g of its stress at "
-            "(%.4g, %.4g) um; without bending it folds there, finer meshes find ever more modes, "
-            "and error bars do not hold; set bending = true",
-            model.name,
-            -least / stress.film,
-            x * 1e6,
-            y * 1e6,
-        )
-
-
 def solve_release(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Modes:
     """Mesh a device and relax its film stress, and solve no mode.
 
@@ -221,6 +169,9 @@ def _alone(
 
     Args: at_resolution: solves them at a resolution, or at a higher one than asked for.
     """
+    from femnl.mechanics.compression import say_what_is_compressed
+    from femnl.mechanics.fem.offset import say_what_bends
+
     model.refuse_contradictions()
 
     def solve_alone() -> Modes:
@@ -230,8 +181,8 @@ def _alone(
             return certified(model, at_resolution, resolution)
 
     found = cached_modes(model, options, solve_alone) if cache else solve_alone()
-    _say_what_bends(model)  # of modes that there are: a refusal is one line
-    _say_what_is_compressed(found)
+    say_what_bends(model)  # of modes that there are: a refusal is one line
+    say_what_is_compressed(found)
     return found
 
 

@@ -5,7 +5,7 @@ from math import pi
 
 import numpy as np
 
-from femnl.core.mechanics import Prestress
+from femnl.core.domain import Prestress
 from femnl.device import geometry
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.stress import relaxed_stress

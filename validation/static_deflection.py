@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import femnl
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.device import geometry
 from femnl.mechanics.static_deflection import Film
 from femnl.validation import Case, Reference

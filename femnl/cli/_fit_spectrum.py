@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from femnl.core.device import Model
-    from femnl.core.mechanics import Modes
+    from femnl.core.modes import Modes
     from femnl.core.spectrum import Assignment, Peaks
 
 # simulated modes

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from femnl.core.device import Lamina, Model
-    from femnl.core.mechanics import Modes, Nonlinearity
+    from femnl.core.modes import Modes
+    from femnl.core.nonlinearity import Nonlinearity
     from femnl.mechanics.modes.quality import Quality
     from femnl.mechanics.nonlinearity import Inertia
     from femnl.mechanics.static_deflection import StaticDeflection

@@ -27,7 +27,8 @@ from femnl.io.results.atomic import need_room
 
 if TYPE_CHECKING:
     from femnl.core.device import Model
-    from femnl.core.mechanics import Modes, Nonlinearity
+    from femnl.core.modes import Modes
+    from femnl.core.nonlinearity import Nonlinearity
 
 Out = Annotated[
     Path | None,

@@ -14,6 +14,8 @@ SHARE = 0.43
 MOST = 3.0  # of the last difference, where three degrees do not show that they converge
 # Of the errors of two frequencies, which their ratio keeps where the two seem to err alike
 UNLIKE = 0.03
+ERRORS = "±: discretisation errors, upper estimates"
+NO_ERRORS = "errors are not known: the modes carry no counterpart of lower degree"
 ROUNDING = 1e-11  # relative, of coordinates and of solutions
 
 

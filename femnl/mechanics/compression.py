@@ -1,12 +1,15 @@
 """Where the film is under compression after release, before any mode is solved."""
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.arrays import freeze
-from femnl.core.mechanics import Domain
+from femnl.core.domain import Domain
+from femnl.core.modes import Modes
+from femnl.core.processes import one_blas_thread
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells
 from femnl.mechanics.fem.sheet import Sheet
@@ -98,3 +101,28 @@ def _signs(domain: Domain) -> list[Array]:
     x = (1.0, -1.0) if domain.copies == 4 else (1.0,)
     y = (1.0, -1.0) if domain.copies > 1 else (1.0,)
     return [np.array([a, b]) for a in x for b in y]
+
+
+def say_what_is_compressed(modes: Modes) -> None:
+    """Say where a film without bending is under compression after release.
+
+    It has no modes then: a coarse mesh does not see the folds that a finer one finds, nor do its
+    error bars.
+    """
+    model = modes.domain.model
+    ends_free = not all(segment.clamped for segment in model.outline.segments)
+    if model.bending or not (model.openings or ends_free):
+        return
+    with one_blas_thread():
+        stress = released_stress(modes.domain)
+    if stress.compressed.any():
+        least, (x, y) = stress.worst
+        logging.getLogger("femnl").warning(
+            "%s: after release the film is under compression, by %.2g of its stress at "
+            "(%.4g, %.4g) um; without bending it folds there, finer meshes find ever more modes, "
+            "and error bars do not hold; set bending = true",
+            model.name,
+            -least / stress.film,
+            x * 1e6,
+            y * 1e6,
+        )

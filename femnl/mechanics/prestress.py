@@ -9,8 +9,8 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.arrays import freeze
 from femnl.core.device import Clamp, Edge, Model
+from femnl.core.domain import Domain, Prestress
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain, Prestress
 from femnl.core.operators import DIRECTIONS, POWERS, WEIGHTS, Units, weights
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (

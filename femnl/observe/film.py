@@ -11,7 +11,7 @@ import numpy as np
 
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.operators import Projection
 from femnl.core.processes import one_blas_thread
 from femnl.core.readout import Array

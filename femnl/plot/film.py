@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from femnl.core.choices import PICTURES
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.outline import Outline
 from femnl.core.surface import Surface
 from femnl.device.geometry.curves import polyline

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from femnl.core.choices import PICTURE_FORMATS
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.outline import Holes
 from femnl.io.results.atomic import write_whole
 from femnl.io.results.surface import unfold

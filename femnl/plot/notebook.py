@@ -8,7 +8,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
 from femnl.core.device import Model
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.readout import HarmonicMap
 from femnl.core.tables import Tabulated
 from femnl.device.geometry.curves import polyline

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from femnl.core.device import Edge
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.device.geometry.curves import polyline
 from femnl.io.results.surface import unfold
 from femnl.mechanics.nonlinearity import in_plane_response

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import get_args
 
 from femnl.core.device import Edge, Model
-from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.core.numbers import plain, ppm, with_error
 from femnl.device.geometry.reader import describe, load
 from femnl.pipeline import solve_modes, solve_nonlinearity

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.device.geometry.curves import polyline
 from femnl.io.results.surface import unfold
 from femnl.plot.mechanics import film_figure

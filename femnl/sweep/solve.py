@@ -13,7 +13,8 @@ from pydantic import ValidationError
 
 from femnl.core.device import Model
 from femnl.core.errors import FemnlError, GeometryError
-from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.device.geometry.schema import GeometryFile
 from femnl.device.geometry.tables import complaint
 from femnl.mechanics.modes.dilution import dilution

@@ -9,7 +9,8 @@ from scipy.optimize import brentq
 from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
 
 from femnl.core.device import Clamp, Model
-from femnl.core.mechanics import Modes, Prestress
+from femnl.core.domain import Prestress
+from femnl.core.modes import Modes
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells

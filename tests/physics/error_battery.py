@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import jn_zeros
 
 from femnl.core.device import Edge, Model
-from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.core.outline import Holes
 from femnl.device import geometry
 from femnl.device.mesh import mesh

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from femnl.core.device import Model
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.static_deflection import Film, StaticDeflection, solve_static_deflection
 from femnl.pipeline import solve_modes, solve_nonlinearity
 

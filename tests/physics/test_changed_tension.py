@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix
 
-from femnl.core.mechanics import Modes, Prestress
+from femnl.core.domain import Prestress
+from femnl.core.modes import Modes
 from femnl.core.operators import Projection, Units
 from femnl.core.stages import ModalSystem
 from femnl.core.tension import TensionChanges

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.io.results.netcdf import read_modes, write_modes
 from femnl.pipeline import solve_modes, solve_nonlinearity
 from tests.physics.error_battery import Film, finer_modes, measure, outline, stiff

@@ -9,7 +9,7 @@ from scipy.special import ive, ivp, jn_zeros, jv, jvp
 
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.modes.dilution import bending_share, dilution
 from femnl.pipeline import solve_modes
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femnl.core.device import Model
 from femnl.core.discretisation_error import MOST, remainder
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.outline import Holes
 from femnl.device.geometry import load
 from femnl.pipeline import solve_modes, solve_modes_to, solve_nonlinearity

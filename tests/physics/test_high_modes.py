@@ -10,7 +10,7 @@ from scipy.special import jn_zeros
 from femnl import load
 from femnl.core.device import Model
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.device.geometry import parse
 from femnl.device.mesh import shortest_wave, wave_at
 from femnl.mechanics.modes import certified

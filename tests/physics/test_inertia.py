@@ -13,7 +13,7 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.device import Edge, Model
 from femnl.core.errors import ConvergenceError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.nonlinearity import film_membrane, respond, solve_inertia, solve_nonlinearity
 from femnl.mechanics.nonlinearity.stretching import in_plane_mass, stretching

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femnl
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.readout import Array
 from femnl.fits.map.fit import fit_map
 from femnl.io.measurement import harmonic_map, read

@@ -12,8 +12,9 @@ from skfem import MeshTri1, MeshTri2
 
 from femnl import load
 from femnl.core.device import Model
+from femnl.core.domain import Domain
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.mechanics import Domain, Modes
+from femnl.core.modes import Modes
 from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.mesh import mesh
 from femnl.mechanics.modes import align, shape_at, solve_modes

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
 from femnl.core.device import Edge, Model
-from femnl.core.mechanics import Domain, Modes
+from femnl.core.domain import Domain
+from femnl.core.modes import Modes
 from femnl.core.outline import Holes
 from femnl.device.mesh import mesh
 from femnl.mechanics.modes import align, shape_at, solve_modes

@@ -17,8 +17,9 @@ from skfem import MeshTri1, MeshTri2
 
 from femnl.core import resources
 from femnl.core.device import Film, Model
+from femnl.core.domain import Domain
 from femnl.core.errors import ConvergenceError
-from femnl.core.mechanics import Domain, Modes
+from femnl.core.modes import Modes
 from femnl.device.mesh import mesh
 from femnl.device.mesh.grading import bending_length
 from femnl.mechanics.modes import shape_at, solve_modes

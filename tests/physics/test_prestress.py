@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from femnl.core.device import Edge, Model
-from femnl.core.mechanics import Prestress
+from femnl.core.domain import Prestress
 from femnl.core.outline import Holes
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space

@@ -9,7 +9,7 @@ import pytest
 from femnl.core.device import Film, Model
 from femnl.core.errors import ParameterError
 from femnl.core.loss import Loss
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.device.geometry import parse
 from femnl.mechanics.modes.quality import solve_quality
 from femnl.pipeline import solve_modes

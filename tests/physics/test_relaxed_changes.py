@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.operators import Projection
 from femnl.core.outline import Holes
 from femnl.device.geometry import parse

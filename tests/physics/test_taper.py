@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.outline import Holes
 from femnl.device.mesh import has_symmetry, mesh
 from femnl.device.mesh.symmetry import EIGHTH, HALF, QUARTER

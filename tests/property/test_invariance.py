@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError
-from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import load, parse
 from femnl.device.geometry.placing import moved

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from femnl.core.device import Edge, Model
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.nonlinearity import in_plane_response, solve_nonlinearity
 from femnl.mechanics.nonlinearity.stretching import film_membrane, stretching

@@ -14,8 +14,8 @@ from skfem import MeshTri1, MeshTri2
 from femnl import load
 from femnl.core import resources
 from femnl.core.device import Film, Model
+from femnl.core.domain import Domain
 from femnl.core.errors import GeometryError, ParameterError
-from femnl.core.mechanics import Domain
 from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import curves, parse
 from femnl.device.geometry.shapes import ellipse

@@ -10,7 +10,7 @@ import pytest
 
 from femnl.core.device import Model
 from femnl.core.fit import Fit, Parameter
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.readout import HarmonicMap
 from femnl.device import geometry
 from femnl.pipeline import harmonic_maps, solve_modes

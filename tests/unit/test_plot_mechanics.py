@@ -11,7 +11,7 @@ from matplotlib.image import imread
 
 import femnl
 from femnl.core.errors import MissingLibraryError, ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.device.geometry import parse
 from femnl.io.results.surface import unfold
 from femnl.pipeline import solve_modes, solve_release

@@ -16,7 +16,8 @@ from femnl.core.device import Model
 from femnl.core.diagnosis import Diagnosis, Quality, Trial
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, MapFit, MotionFit, Parameter
-from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.core.readout import HarmonicMap, HarmonicSpectrum
 from femnl.core.spectrum import Assignment, FilmFit, Labelling, Peaks
 from femnl.core.tables import Tabulated

@@ -13,7 +13,8 @@ import xarray as xr
 
 from femnl.core.device import Edge, Model
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.device.mesh import mesh
 from femnl.io.results.atomic import write_whole
 from femnl.io.results.cache import cached_modes, cached_nonlinearity

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from femnl.core.device import Edge, Model
+from femnl.core.domain import Domain
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.supports import free_deflections, in_plane_supports, slope_held_facets

@@ -5,7 +5,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from femnl import load, solve_modes
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.processes import one_blas_thread
 from femnl.mechanics.modes import counterparts, solve
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from femnl.core.choices import check_resolution
 from femnl.core.device import Model
+from femnl.core.domain import Domain
 from femnl.core.errors import GeometryError
-from femnl.core.mechanics import Domain
 from femnl.core.memory import need_memory
 from femnl.device.geometry import curves as exact
 from femnl.device.geometry.placing import moved

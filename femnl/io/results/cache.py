@@ -12,7 +12,8 @@ from platformdirs import user_cache_path
 
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.io.results import cache_folder
 from femnl.io.results.atomic import write_whole
 from femnl.io.results.netcdf import read_modes, write_modes

@@ -9,7 +9,9 @@ import numpy as np
 from skfem import MeshTri2
 
 from femnl.core.device import Model
-from femnl.core.mechanics import Domain, Modes, Nonlinearity, Prestress
+from femnl.core.domain import Domain, Prestress
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.io.results.atomic import write_whole
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.core.surface import Surface
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import in_plane_strain, vector_dofs

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from femnl.core.domain import Domain
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain, Modes
+from femnl.core.modes import Modes
 from femnl.io.results.atomic import write_whole
 from femnl.io.results.surface import unfold
 from femnl.mechanics.fem.elements import Space

@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri2
 
 from femnl.core.device import Model
+from femnl.core.domain import Domain, Prestress
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain, Prestress
 from femnl.core.memory import need_memory
 from femnl.device.mesh import covered, from_patches, mesh
 from femnl.mechanics.bands.lattice import Cell, Lattice

@@ -9,8 +9,9 @@ from scipy.sparse import csc_matrix
 from femnl.core.arrays import freeze
 from femnl.core.device import Model
 from femnl.core.discretisation_error import remainder
+from femnl.core.domain import Prestress
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import STEADY, Prestress
+from femnl.core.modes import STEADY
 from femnl.core.outline import Holes
 from femnl.mechanics.bands.cell import Periodic, cell_domain, periodic
 from femnl.mechanics.bands.find import find_cell

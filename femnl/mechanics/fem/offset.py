@@ -1,5 +1,6 @@
 """How layers pull a film out of its plane."""
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -89,4 +90,27 @@ def plies(model: Model) -> Iterator[Ply]:
             lamina.poisson,
             lamina.density,
             lamina.stress,
+        )
+
+
+def say_what_bends(model: Model) -> None:
+    """Say how far layers bend the film at rest, which its modes are solved without."""
+    if covers_evenly(model):
+        if model.bending and ends_free(model):
+            logging.getLogger("femnl").warning(
+                "%s: the stresses of its layers bend the film at rest, from its free edges and by "
+                "a moment of %.2g N; modes are those of the flat film, and a bow by its layers "
+                "(--bow layers) has those of the bent one",
+                model.name,
+                own_moment(model),
+            )
+        return
+    offset = tension_offset(model)
+    if offset != 0:
+        logging.getLogger("femnl").warning(
+            "%s: the stresses of its layers bend the film at rest, by about %.2g nm, %.2g of its "
+            "thickness; modes are those of the flat film",
+            model.name,
+            abs(offset) * 1e9,
+            abs(offset) / model.film.thickness,
         )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.device import Lamina
-from femnl.core.mechanics import Domain
+from femnl.core.domain import Domain
 from femnl.mechanics.fem.forms import Index, plane_stress, thickness
 
 Array = NDArray[np.float64]

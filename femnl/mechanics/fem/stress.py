@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.mechanics import Domain, Prestress
+from femnl.core.domain import Domain, Prestress
 from femnl.core.operators import Units, weights
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import Cell, cells, in_plane_strain, vector_dofs

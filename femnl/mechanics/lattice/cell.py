@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.core.device import Model
+from femnl.core.domain import Domain
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain
 from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.core.errors import ConvergenceError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.solvers import lowest_eigenpairs
 from femnl.mechanics.lattice.relaxed import Frame, Relaxed
 from femnl.mechanics.lattice.skeleton import need_room, summed

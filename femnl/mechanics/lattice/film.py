@@ -13,8 +13,10 @@ from scipy.sparse import csc_matrix
 from skfem import MeshTri1, MeshTri2
 
 from femnl.core.device import Edge, Model
+from femnl.core.domain import Domain, Prestress
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain, Modes, Nonlinearity, Prestress
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.core.outline import Holes
 from femnl.device.mesh import bending_length, film_middle
 from femnl.mechanics.fem.elements import Space

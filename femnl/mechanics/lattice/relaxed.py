@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from femnl.core.mechanics import Prestress
+from femnl.core.domain import Prestress
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import plane_stress
 from femnl.mechanics.fem.solvers import factorize

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from femnl.core.device import Edge
 from femnl.core.errors import ConvergenceError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.forms import slope, stretch
 from femnl.mechanics.lattice.relaxed import Frame, InPlane
 from femnl.mechanics.lattice.sides import Sides

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from skfem import MeshTri2
 
 from femnl.core.device import Model
+from femnl.core.domain import Domain
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain
 from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry.placing import moved
 from femnl.device.mesh import bending_length, distinct, film_middle, from_patches, mesh

@@ -8,7 +8,7 @@ import numpy as np
 
 from femnl.core.device import Model
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.modes.solve import align
 
 FINER = 1.4

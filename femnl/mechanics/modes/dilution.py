@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from femnl.core.device import Model
 from femnl.core.discretisation_error import remainder
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import STEADY, Modes
+from femnl.core.modes import STEADY, Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells, curvature, quadrature_order, slope
 from femnl.mechanics.fem.sheet import Sheet

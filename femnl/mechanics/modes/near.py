@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from femnl.core.domain import Domain, Prestress
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.mechanics import Domain, Modes, Prestress
 from femnl.core.memory import need_memory
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.solvers import INDEFINITE, factorize, nearest_eigenpairs
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.shapes import label_shapes

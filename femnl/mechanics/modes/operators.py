@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from femnl.core.domain import Domain, Prestress
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain, Prestress
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
     Assembly,

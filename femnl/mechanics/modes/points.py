@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
+from femnl.core.domain import Domain
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain, Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.reference import nodes, reference_basis
 

@@ -8,8 +8,9 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
 from femnl.core.device import Model
+from femnl.core.domain import Domain
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain, Modes
+from femnl.core.modes import Modes
 from femnl.core.operators import DIRECTIONS, WEIGHTS, Projection, Units, weights
 from femnl.device.geometry import curves
 from femnl.mechanics.fem.elements import Space

@@ -9,7 +9,7 @@ from femnl.core.arrays import freeze
 from femnl.core.device import Model
 from femnl.core.discretisation_error import remainder
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import STEADY, Modes
+from femnl.core.modes import STEADY, Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.gas import free_molecular_loss
 from femnl.mechanics.modes.dilution import bending_shares, dilution, refuse_without_bending

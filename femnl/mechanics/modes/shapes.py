@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.mechanics import Domain
+from femnl.core.domain import Domain
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import CHUNK
 from femnl.mechanics.fem.reference import EDGES, VERTICES, reference_basis

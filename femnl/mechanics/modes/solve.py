@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.spatial import cKDTree
 
+from femnl.core.domain import Domain, Prestress
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.mechanics import Domain, Modes, Prestress
 from femnl.core.memory import need_memory
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import quadrature_order
 from femnl.mechanics.fem.sheet import Sheet

@@ -10,8 +10,9 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.device import Edge
 from femnl.core.discretisation_error import remainder
-from femnl.core.mechanics import Modes, Nonlinearity
 from femnl.core.memory import need_memory
+from femnl.core.modes import Modes
+from femnl.core.nonlinearity import Nonlinearity
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.nonlinearity.stretching import (
     Membrane,

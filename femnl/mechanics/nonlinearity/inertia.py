@@ -11,7 +11,7 @@ from scipy.sparse.linalg import LinearOperator, minres
 from femnl.core.arrays import freeze
 from femnl.core.device import Edge
 from femnl.core.errors import ConvergenceError
-from femnl.core.mechanics import DEGENERATE, Modes
+from femnl.core.modes import DEGENERATE, Modes
 from femnl.mechanics.fem.solvers import Solve, factorize
 from femnl.mechanics.nonlinearity.cubic import energy_remainder
 from femnl.mechanics.nonlinearity.stretching import (

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.core.device import Edge
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.nonlinearity.stretching import film_membrane, stretching
 

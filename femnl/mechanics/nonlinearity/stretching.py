@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import block_diag, csc_matrix
 
 from femnl.core.device import Clamp, Edge
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
     Assembly,

@@ -8,7 +8,7 @@ from scipy.sparse import block_diag, csc_matrix
 
 from femnl.core.device import Edge
 from femnl.core.errors import ConvergenceError
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
     Assembly,

@@ -10,8 +10,8 @@ from scipy.sparse import csc_matrix
 from femnl.core.arrays import freeze
 from femnl.core.device import Edge
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import DEGENERATE, Modes
 from femnl.core.memory import need_memory
+from femnl.core.modes import DEGENERATE, Modes
 from femnl.mechanics.fem.offset import covers_evenly, ends_free, own_moment
 from femnl.mechanics.fem.solvers import factorize, lowest_eigenpairs
 from femnl.mechanics.modes.shapes import largest_value

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
-from femnl.core.mechanics import Modes
+from femnl.core.modes import Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import Assembly
 from femnl.mechanics.fem.reference import nodes, reference_basis

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from femnl.core.mechanics import Modes
 from femnl.core.memo import recent
+from femnl.core.modes import Modes
 from femnl.core.operators import Units
 from femnl.core.tension import (
     STRENGTHS,

@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.mechanics import Domain, Modes, Prestress
+from femnl.core.domain import Domain, Prestress
+from femnl.core.modes import Modes
 from femnl.core.operators import POWERS, Units
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import as_matrix, cells, local_matrices, quadrature_order, slope

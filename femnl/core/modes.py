@@ -1,15 +1,21 @@
-"""What the mechanical stages hand on: mesh, relaxed stress, modes and geometric nonlinearity."""
+"""Modes of a film, with the error bars of their numbers."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import MeshTri2
 
 from femnl.core.arrays import freeze
-from femnl.core.device import Model
-from femnl.core.discretisation_error import ROUNDING, ratio_remainder, remainder, settle
+from femnl.core.discretisation_error import (
+    ERRORS,
+    NO_ERRORS,
+    ROUNDING,
+    ratio_remainder,
+    remainder,
+    settle,
+)
+from femnl.core.domain import Domain, Prestress
 from femnl.core.kinds import function
 from femnl.core.numbers import with_error
 from femnl.core.tables import Table, Tabulated, dataframe, dataset
@@ -33,59 +39,6 @@ APART = 0.1
 # The same at an inner or yielding corner, where a clamped edge goes over into a free one, or where
 # a taper's foot kinks the film: that converges slowly in the degree
 REENTRANT = 0.5
-ERRORS = "±: discretisation errors, upper estimates"
-NO_ERRORS = "errors are not known: the modes carry no counterpart of lower degree"
-
-
-@dataclass(frozen=True)
-class Domain:
-    """The meshed film, whole or the wedge that mirror lines through its middle leave of it.
-
-    mesh: quadratic (curved) triangles, coordinates in m; named boundaries `clamped`, `free` (film
-    ends or holes) and, for a wedge, `mirror-0` along x and `mirror-1` on the line at the angle
-    `wedge` [rad]. wedge = 2π is the whole film, π the upper half, π/2 a quarter, π/4 an
-    eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under x ↔ y, so that
-    modes odd in y are those odd in x, exchanged. tiles: where the mesh is made of the tiles of
-    `mechanics.lattice`, the resolution of theirs; 0 elsewhere. misfit: how far elliptical edges of
-    the mesh, which are arcs of circles, lie from their ellipses, over the shorter half axis.
-    middle [m]: of the film, where its mirrors cross.
-    """
-
-    model: Model
-    mesh: MeshTri2
-    wedge: float
-    diagonal: bool = False
-    tiles: float = 0.0
-    misfit: float = 0.0
-    middle: tuple[float, float] = (0.0, 0.0)
-
-    def __repr__(self) -> str:
-        """Device and number of triangles."""
-        return (
-            f"<Domain of {self.model.name}: {self.mesh.nelements} triangles, {self.copies} of "
-            "which make the film>"
-        )
-
-    @property
-    def copies(self) -> int:
-        """How many copies of the mesh make up the whole film."""
-        return round(2 * np.pi / self.wedge)
-
-
-@dataclass(frozen=True)
-class Prestress:
-    """The film stress after holes and free edges have relaxed: N(x) = h (σ₀ I + C ε(u)), in N/m.
-
-    displacement: in-plane displacement [m] at the dofs of the vector element of the given
-    polynomial degree on `domain.mesh`.
-    """
-
-    domain: Domain
-    degree: int
-    displacement: Array
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
 
 @dataclass(frozen=True)
@@ -321,78 +274,3 @@ class Modes(Tabulated):
         title += f" {'with' if model.bending else 'without'} bending, degree {self.degree}"
         note = NO_ERRORS if self.coarse is None else ERRORS
         return [Table(title, columns, [note])]
-
-
-@dataclass(frozen=True)
-class Nonlinearity(Tabulated):
-    """Geometric cubic coefficients in the coordinate q of the point where |ξ| = 1.
-
-    q is its displacement [m].
-
-    k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³. k3_error,
-    alpha_error: discretisation errors, upper estimates, infinite where the modes carry no
-    counterpart of lower degree. tensor (n, n, n, n) [N/m³], where asked for: the force on mode i is
-    −Σ tensor[i,j,k,l] q_j q_k q_l; fully symmetric. tensor_error, of each of its entries. first:
-    number of the first of these modes, see `Modes`.
-    """
-
-    edge: str
-    k3: Array
-    alpha: Array
-    k3_error: Array
-    alpha_error: Array
-    tensor: Array | None = None
-    tensor_error: Array | None = None
-    first: int = 1
-
-    def __post_init__(self) -> None:
-        freeze(self)
-
-    def __repr__(self) -> str:
-        """Number of modes, in-plane edge, and α of the first."""
-        return (
-            f"<Nonlinearity of {len(self.k3)} modes, in-plane edge {self.edge}, "
-            f"α = {self.alpha[0]:.7g} m⁻² of the first>"
-        )
-
-    def to_dataset(self) -> "xr.Dataset":
-        """Return k₃ and α with errors, and the tensor where there is one.
-
-        Returns: Dataset over `mode` (from 1), SI units as attributes; `tensor` over the dimensions
-            i, j, k, l.
-        """
-        found = self._columns()
-        tensors = {"tensor": self.tensor, "tensor_error": self.tensor_error}
-        for name, values in tensors.items():
-            if values is not None:
-                found[name] = (tuple("ijkl"), values, {"units": "N/m³"})
-        return found
-
-    def to_dataframe(self) -> "pd.DataFrame":
-        """Return a row a mode (from 1), in SI; `attrs["units"]` holds the units by column."""
-        return dataframe(self._columns())
-
-    def _columns(self) -> "xr.Dataset":
-        found = dataset(
-            "mode",
-            {"mode": (self.first + np.arange(len(self.k3)), "")},
-            {
-                "k3": (self.k3, "N/m³"),
-                "k3_error": (self.k3_error, "N/m³"),
-                "alpha": (self.alpha, "m⁻²"),
-                "alpha_error": (self.alpha_error, "m⁻²"),
-            },
-        )
-        return found.assign_attrs(edge=self.edge)
-
-    def _tables(self) -> list[Table]:
-        per_micrometre = zip(self.alpha * 1e-12, self.alpha_error * 1e-12, strict=True)
-        columns = {
-            "mode": [str(self.first + k) for k in range(len(self.k3))],
-            "k₃ (N/m³)": [with_error(*k) for k in zip(self.k3, self.k3_error, strict=True)],
-            "α (µm⁻²)": [with_error(*a) for a in per_micrometre],
-        }
-        notes = [ERRORS if np.isfinite(self.k3_error).all() else NO_ERRORS]
-        if self.tensor is not None:
-            notes.append("the full cubic tensor [N/m³] is in `tensor`")
-        return [Table(f"Duffing coefficients, in-plane edge {self.edge}", columns, notes)]
