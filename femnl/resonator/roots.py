@@ -7,6 +7,10 @@ from femnl.core.compiled import compiled
 from femnl.core.readout import ComplexArray
 from femnl.core.resonator import Array
 
+Coefficients = tuple[float, complex, float, complex, float, float]
+"""δ, c, q, p, scale and the power of a mode that its own amplitude stiffens; see `self_stiffened`.
+"""
+
 # Stiffening a in b = 1/(δ + a |b|² + i) at which the response first becomes vertical.
 VERTICAL = 8 * np.sqrt(3) / 9
 ROUNDS = 12
@@ -100,9 +104,7 @@ def _self_stiffened(
                 x[side, i] = _outermost(coefficients, side, x[side, i])
 
 
-def _settled(
-    x: float, coefficients: tuple[float, complex, float, complex, float, float], side: int
-) -> float:
+def _settled(x: float, coefficients: Coefficients, side: int) -> float:
     """Return the state of a branch that steps from x come to, the outermost where to none."""
     delta, cubic, fifth, pulled, scale, power = coefficients
     near = _by_newton(x, coefficients, side)
@@ -122,9 +124,7 @@ def _settled(
     return _outermost(coefficients, side, np.nan)
 
 
-def _by_newton(
-    x: float, coefficients: tuple[float, complex, float, complex, float, float], side: int
-) -> float:
+def _by_newton(x: float, coefficients: Coefficients, side: int) -> float:
     """Return the state that Newton's steps from x come to on its branch; NaN where they leave it.
 
     x is a state of the constant stiffening c + p; where its branch has ended it is none. A branch
@@ -152,16 +152,14 @@ def _by_newton(
     return np.nan
 
 
-def _excess(x: float, coefficients: tuple[float, complex, float, complex, float, float]) -> float:
+def _excess(x: float, coefficients: Coefficients) -> float:
     """Return x |δ + i + a(x) x|² − 1, which is 0 at a state."""
     delta, cubic, fifth, pulled, scale, power = coefficients
     a = cubic + fifth * x + pulled * max(x * scale, FAINT) ** power
     return float(x * ((delta + a.real * x) ** 2 + (1 + a.imag * x) ** 2) - 1)
 
 
-def _outermost(
-    coefficients: tuple[float, complex, float, complex, float, float], side: int, known: float
-) -> float:
+def _outermost(coefficients: Coefficients, side: int, known: float) -> float:
     """Return the smallest (side 0) or the largest (1) squared amplitude of a state.
 
     It is the `known` one where that lies in the stride that first meets a root.
@@ -183,9 +181,7 @@ def _outermost(
     return known if low <= known <= high else _root_between(low, high, coefficients)
 
 
-def _without_root(
-    x: float, coefficients: tuple[float, complex, float, complex, float, float], side: int
-) -> float:
+def _without_root(x: float, coefficients: Coefficients, side: int) -> float:
     """Return a ratio of squared amplitudes up to which, from x on, there is no root but a fold.
 
     With B the largest |d(a x)/dx| up to X, the larger end of a stride x…x(1 + s) with s ≤ 1,
@@ -204,7 +200,7 @@ def _without_root(
 def _root_between(
     low: float,
     high: float,
-    coefficients: tuple[float, complex, float, complex, float, float],
+    coefficients: Coefficients,
 ) -> float:
     """Return the root between two squared amplitudes, by bisection."""
     rising = _excess(high, coefficients) > 0

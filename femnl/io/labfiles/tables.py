@@ -6,18 +6,17 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io import measurement
 from femnl.io.labfiles.base import (
     PARTS,
     RMS,
-    direction_of,
     refuse_lengths,
     scalar_values,
     sweeps_to_response,
 )
+from femnl.io.labfiles.cuts import contradicted, cuts_of, lasts
 from femnl.io.labfiles.levels import even_clock, is_level
 from femnl.io.labfiles.named_columns import COMPLEX, Columns
 from femnl.io.labfiles.spec import Spec
@@ -174,7 +173,7 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
         if keys
         else np.zeros(frequency.size - 1, dtype=bool)
     )
-    cuts = _cuts(frequency, changes, turns="sweep" not in columns)
+    cuts = cuts_of(frequency, changes, turns="sweep" not in columns)
     pieces = [slice(start, stop) for start, stop in pairwise(cuts)]
     labels = {
         name: np.array([columns[name][piece][0] for piece in pieces], dtype=float)
@@ -189,7 +188,7 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
             notes.append(f"{where}: {name} of a sweep is the mean over its points")
     if "time" in columns:
         labels["time"] = np.array([columns["time"][piece][0] for piece in pieces], dtype=float)
-        labels["duration"] = np.array([_lasts(columns["time"][piece]) for piece in pieces])
+        labels["duration"] = np.array([lasts(columns["time"][piece]) for piece in pieces])
         notes.append(f"{where}: time and duration of a sweep are those of its points")
     dataset, found = sweeps_to_response(
         [(frequency[piece], volts[piece]) for piece in pieces], dict(labels), spec, where, own
@@ -198,47 +197,8 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
         dataset = dataset.drop_vars("imag").rename({"real": "magnitude"})
         notes.append(f"{where}: magnitudes alone; the phase is not known")
     if "direction" in columns:
-        notes += _contradicted(frequency, columns["direction"], pieces, where)
+        notes += contradicted(frequency, columns["direction"], pieces, where)
     return dataset, [*found, *notes]
-
-
-def _lasts(times: NDArray[Any]) -> float:
-    """Return how long a sweep takes [s]: its last point as long as the others."""
-    count = len(times)
-    return float(abs(times[-1] - times[0])) * count / max(count - 1, 1)
-
-
-def _contradicted(
-    frequency: NDArray[np.float64], stated: NDArray[Any], pieces: list[slice], where: str
-) -> list[str]:
-    """Say where the order of the points is not that of the direction column, which is taken."""
-    wrong = 0
-    for piece in pieces:
-        wrong += direction_of(frequency[piece]) not in (0, int(stated[piece][0]))
-    if not wrong:
-        return []
-    return [f"{where}: {wrong} sweeps have their points in the other order than direction says"]
-
-
-def _cuts(frequency: NDArray[np.float64], changes: NDArray[np.bool_], turns: bool) -> list[int]:
-    """Return where sweeps begin: where a label changes, or the frequency turns back.
-
-    The latter if `turns`.
-    """
-    cuts = [0]
-    heading = 0.0
-    reached = 0
-    steps = np.sign(np.nan_to_num(np.diff(frequency)))
-    for index, (step, changed) in enumerate(zip(steps, changes, strict=True), start=1):
-        if changed or (turns and heading * step < 0):
-            cuts.append(index if changed else reached + 1)
-            # A step from the turning point itself, measured twice, is already part of the way back.
-            heading = step if cuts[-1] < index else 0.0
-        elif step:
-            heading = step
-        if step:
-            reached = index
-    return [*cuts, frequency.size]
 
 
 def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
