@@ -22,13 +22,24 @@ def need_memory(amount: float, what: str, remedy: str) -> None:
     Raises: ParameterError where it is more than the memory of the machine, or than this process may
     take of it.
     """
-    machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    allowed = min([machine, *_limits_of_process(), *limits_of_groups(SYSTEM)])
+    allowed = allowed_memory(SYSTEM)
     if amount > allowed:
-        whose = "this process may take" if allowed < machine else "this machine has"
+        whose = "this process may take" if allowed < _machine() else "this machine has"
         raise ParameterError(
             f"{what} need about {_gib(amount)} of memory, and {whose} {_gib(allowed)}; {remedy}"
         )
+
+
+def allowed_memory(system: Path) -> int:
+    """Return what this process may take [bytes]: no more than the machine has.
+
+    Args: system: the root of the file system.
+    """
+    return min([_machine(), *_limits_of_process(), *limits_of_groups(system)])
+
+
+def _machine() -> int:
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def _limits_of_process() -> list[int]:

@@ -22,7 +22,7 @@ from femnl.mechanics.fem.laminate import one_material
 from femnl.mechanics.modes.dilution import bending_share
 from femnl.mechanics.modes.projection import project
 from femnl.mechanics.prestress import solve_units
-from femnl.mechanics.tension import solve_tension
+from femnl.mechanics.tension import effort_of, solve_tension
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
 BENDING = (0.0, 1.0, 2.0, 4.0)
@@ -101,7 +101,8 @@ class SimulatedFilm:
             modes = self.modes
             units = solve_units(modes.domain, UNITS)
             with one_blas_thread():
-                return replace(project(modes, units), tension=solve_tension(modes, units))
+                tension = solve_tension(modes, units, effort_of(modes))
+                return replace(project(modes, units), tension=tension)
 
         return cached_projection(self.model, ("projection", self.count), solve)
 

@@ -21,6 +21,7 @@ from femnl.core.operators import Projection, Units
 from femnl.core.stages import ModalSystem
 from femnl.core.tension import TensionChanges
 from femnl.device.geometry import parse
+from femnl.device.mesh import mesh
 from femnl.effects import library
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import Assembly, as_matrix, cells, local_matrices, slope
@@ -29,7 +30,8 @@ from femnl.mechanics.fem.stress import unit_stress
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.projection import project
 from femnl.mechanics.prestress import solve_prestress, solve_units
-from femnl.mechanics.tension import sectors, solve_tension
+from femnl.mechanics.tension import effort_of, less_effort, solve_tension
+from femnl.mechanics.tension.effort import MANY
 from femnl.observe.film import UNITS, SimulatedFilm
 from femnl.pipeline import solve_modes
 from tests.physics.changed_films import system_of
@@ -41,7 +43,6 @@ Array = NDArray[np.float64]
 COUNT = 48
 LOWEST = 14
 HEXAGON = FILM.format(outline='kind = "regular-polygon"\nsides = 6\nlong_axis = "100 um"')
-LESS: list[TensionChanges] = []
 FILMS = {"square": SQUARE, "hexagon": HEXAGON, "four holes": FOUR_HOLES}
 
 
@@ -50,7 +51,8 @@ def whole(name: str) -> tuple[Modes, Units, Projection]:
     """Modes in the mesh of a whole film, where every change acts on one set of unknowns."""
     modes = solve_modes(parse(FILMS[name]), COUNT, "full", 0.6, cache=False)
     units = solve_units(modes.domain, UNITS)
-    return modes, units, replace(project(modes, units), tension=solve_tension(modes, units))
+    tension = solve_tension(modes, units, effort_of(modes))
+    return modes, units, replace(project(modes, units), tension=tension)
 
 
 def on_film(modes: Modes, projection: Projection) -> ModalSystem:
@@ -154,25 +156,30 @@ def test_a_stress_does_to_the_lowest_modes_what_it_does_to_the_film(name: str, c
 
 
 @pytest.mark.parametrize("cause", ["anisotropy", "shear", "gradient"])
-def test_responses_of_lower_elements_make_up_most_of_a_change(
-    cause: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_responses_of_lower_elements_make_up_most_of_a_change(cause: str) -> None:
     # As on films of too many unknowns for elements of the modes' degree
     modes, units, projection = whole("four holes")
     causes, parts = CAUSES[cause]
-    less = replace(projection, tension=solve_with_less_effort(monkeypatch))
+    less = replace(projection, tension=solved_with_less_effort())
     found = lowest(on_film(modes, less), causes)
     # Coarse triangles around large holes; base modes alone miss ten times as much
     assert found == pytest.approx(stressed(modes, units, parts), rel=2e-5)
 
 
-def solve_with_less_effort(monkeypatch: pytest.MonkeyPatch) -> TensionChanges:
+@cache
+def solved_with_less_effort() -> TensionChanges:
     """Return what changes do to the film with four holes, by elements of one degree less."""
-    if not LESS:
-        modes, units, _ = whole("four holes")
-        monkeypatch.setattr(sectors, "MANY", Space(modes.domain.mesh, modes.degree - 1).size)
-        LESS.append(solve_tension(modes, units))
-    return LESS[0]
+    modes, units, _ = whole("four holes")
+    return solve_tension(modes, units, less_effort(modes.degree - 1))
+
+
+def test_the_effort_falls_with_the_unknowns_of_a_mesh() -> None:
+    modes, _, _ = whole("four holes")
+    assert Space(modes.domain.mesh, modes.degree).size < MANY
+    assert effort_of(modes).degree == modes.degree
+    fine = replace(modes, prestress=solve_prestress(mesh(parse(FOUR_HOLES), "full", 4.0, 4), 4))
+    assert Space(fine.domain.mesh, fine.degree).size > MANY
+    assert effort_of(fine) == less_effort(fine.degree - 1)
 
 
 def test_the_base_modes_alone_would_miss_by_far() -> None:

@@ -21,7 +21,8 @@ from femnl.io.results.netcdf import read_modes, write_modes
 from femnl.mechanics import lattice, nonlinearity
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.solvers import lowest_eigenpairs
-from femnl.mechanics.lattice import condensed, solve_condensed, tile
+from femnl.mechanics.lattice import solve_condensed, tile
+from femnl.mechanics.lattice.condensed import MISSED, Condensed
 from femnl.mechanics.lattice.relaxed import Frame, Relaxed
 from femnl.mechanics.lattice.skeleton import summed
 from femnl.mechanics.lattice.tile import Flexure
@@ -98,11 +99,10 @@ def test_condensed_cells_have_the_frequencies_of_the_film_that_keeps_every_unkno
     "model", [film(4, 4, bending=False), film(3, 5, bending=False, taper=20e-9)]
 )
 def test_without_bending_condensed_cells_give_the_modes_of_the_mesh_that_they_make(
-    model: Model, missed: float, monkeypatch: pytest.MonkeyPatch
+    model: Model, missed: float
 ) -> None:
-    monkeypatch.setattr(condensed, "MISSED", missed)
     tiling = tile(model)
-    found = solve_condensed(tiling, 5, 3)
+    found = solve_condensed(tiling, 5, 3, missed)
     known = solve_on_mesh(solve_prestress(tiling.domain, 3), 5, 3)
     np.testing.assert_allclose(found.frequency, known.frequency, rtol=1e-10)
     # What a basis misses of ω² is the square of what it misses of a shape. The typical tile's
@@ -129,7 +129,7 @@ def test_the_stress_of_condensed_cells_is_that_of_the_mesh_that_they_make(model:
 def test_what_the_basis_of_cells_misses_is_told_and_taken_in() -> None:
     model = film(3, 3)
     known = uncondensed(model, 3, 14)
-    source = condensed.Condensed(Relaxed(Frame(tile(model), 3)))
+    source = Condensed(Relaxed(Frame(tile(model), 3)), MISSED)
     plain, _ = source.lowest((-1, -1), 4)
     missed = source.missed
     source.extend()
@@ -164,7 +164,7 @@ def test_modes_too_short_for_the_cells_are_refused_with_what_is_left() -> None:
     ) as refusal:
         solve_condensed(tile(film(2, 2)), 100, 3)
     (left,) = re.findall(r"leave (\S+) of", str(refusal.value))
-    assert condensed.MISSED < float(left) < 1e-3
+    assert MISSED < float(left) < 1e-3
 
 
 @pytest.mark.parametrize("edge", ["clamped", "sliding", "paper"])

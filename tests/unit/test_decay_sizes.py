@@ -1,5 +1,7 @@
 """Long decays: sums over periods by an FFT, and Bessel functions by their expansion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -7,10 +9,12 @@ from scipy.special import ive
 
 from femnl import measurement
 from femnl.effects import library
-from femnl.fits.decay import compared
+from femnl.fits.decay.compared import compared
 from femnl.fits.decay.periods import MOST_TERMS, at_cycles
 from femnl.fits.decay.pose import pose
+from femnl.fits.decay.window import window
 from femnl.observe.decay.noise import _bessel
+from femnl.observe.decay.record import power_record
 from tests.unit.decay_records import RATE, TONE, record
 
 EVEN = np.arange(3200)
@@ -58,14 +62,13 @@ def test_bessel_functions_far_out_keep_their_recurrence() -> None:
         assert first * (second + 2 * (order + 1) / x) == pytest.approx(1, rel=1e-13)
 
 
-def test_laws_at_some_points_of_long_blocks_have_the_means_of_all(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_laws_at_some_points_of_long_blocks_have_the_means_of_all() -> None:
     time, power, _ = record(3, points=60_000, correlation=3.0)
     dataset = measurement.decay(time, power, attributes={"frequency": TONE})
     some = pose(dataset)
-    monkeypatch.setattr(compared, "MOST_NODES", 10**6)
-    every = pose(dataset)
+    known = power_record(dataset)
+    points = compared(known, window(known))
+    every = replace(some, time=points.time, blocks_of_power=points.blocks)
     assert len(some.time) < 0.3 * len(every.time)
     base = {"level": 0.0, "decay_rate": RATE, "floor": -60.0}
     (pair,) = [one for one in some.usable_effects(library().values()) if one.name == "beating_pair"]

@@ -28,16 +28,17 @@ MISSED = 1e-8
 EXTENSIONS = 4
 
 
-def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
+def solve_condensed(tiling: Tiling, count: int, degree: int, missed: float = MISSED) -> Modes:
     """Solve the modes of a film in tiles, whose inner unknowns are eliminated first.
 
     Stiffness and film stress of a tile follow from what its sides do, so that a film of thousands
     of holes costs what their sides cost. The basis of a tile spans its response to every motion of
     its sides, and its own slowest motions. What the basis misses is computed from the residual,
-    tile by tile, and the frequencies are corrected for it. Where it is more than 1e-8 of ω², the
-    basis is extended by it.
+    tile by tile, and the frequencies are corrected for it. Where it is more than `missed` of ω²,
+    the basis is extended by it.
 
     Args: count: how many modes. degree: of the elements, 2 to 6, from 1 without bending.
+    missed: relative excess of ω² that a basis may leave.
     Returns: the modes of the whole mesh of all tiles, as `femnl.mechanics.modes.solve_modes` gives
     them for meshes of other films.
     Raises: ParameterError; ConvergenceError where the basis does not suffice.
@@ -45,15 +46,15 @@ def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
         film without any condensation by tests/physics/test_condensed.py.
     """
     relaxed = Relaxed(Frame(tiling, degree))
-    source = Condensed(relaxed)
+    source = Condensed(relaxed, missed)
     prestress = relaxed.prestress()
     modes = solve_sectors(source, prestress, count)
     for _ in range(EXTENSIONS):
-        if source.missed <= MISSED:
+        if source.missed <= missed:
             break
         source.extend()
         modes = solve_sectors(source, prestress, count)
-    if source.missed <= MISSED:
+    if source.missed <= missed:
         placed = replace(prestress, domain=placed_domain(tiling))
         return replace(modes, prestress=placed)
     raise ConvergenceError(
@@ -70,13 +71,15 @@ class Condensed:
     The basis leaves out what tiles of unequal stress answer to waves on their sides in unequal
     ways: `missed` says how much that is, and `extend` takes it in.
 
-    Args: relaxed: the film's stress.
+    Args: relaxed: the film's stress. most: relative excess of ω² from which tiles are to be
+    extended.
     Attributes: space: of the mesh of all tiles; missed: the largest relative excess of ω² in what
     `lowest` found.
     """
 
-    def __init__(self, relaxed: Relaxed) -> None:
+    def __init__(self, relaxed: Relaxed, most: float) -> None:
         self._relaxed = relaxed
+        self._most = most
         frame = relaxed.frame
         pairs = zip(frame.sides, relaxed.mean, strict=True)
         self._flexures = [
@@ -149,7 +152,7 @@ class Condensed:
                 correction, energy = flexure.missed(self._relaxed.stress(k, some), values, local)
                 shapes[:, dofs[some]] = (local - correction)[:n].transpose(2, 1, 0)
                 excess += energy
-                if np.any(energy > MISSED * values / len(self._flexures)):
+                if np.any(energy > self._most * values / len(self._flexures)):
                     self._corrections[k].append(_most(correction.reshape(size, -1)))
         self.missed = max(self.missed, float(np.max(excess / values)))
         return values - excess, shapes

@@ -22,7 +22,8 @@ from femnl.core.tension import (
 )
 from femnl.mechanics.prestress import YieldingEdges, solve_yielding
 from femnl.mechanics.tension.basis import base_stiffness, enriched, on_basis, responses_of
-from femnl.mechanics.tension.sectors import PARTS, SIDES_MOST, Sectors
+from femnl.mechanics.tension.effort import SIDES_MOST, Effort
+from femnl.mechanics.tension.sectors import PARTS, Sectors
 
 Array = NDArray[np.float64]
 
@@ -122,26 +123,26 @@ class _Enlarged:
         return np.asarray((found + found.T) / 2)
 
 
-def solve_tension(modes: Modes, units: Units) -> TensionChanges:
+def solve_tension(modes: Modes, units: Units, effort: Effort) -> TensionChanges:
     """Solve what changes of the tension add to K on the base modes.
 
     The film is expanded in the base modes and in their responses to every change, which is as good
     as solving it anew, and then condensed onto the base modes alone.
 
     Args: modes: of a quarter of the film or more. units: how the film relaxes in its plane under
-        the film stresses.
+        the film stresses. effort: how far responses are followed, of `effort_of`.
     Returns: a polynomial in the strengths of the changes.
     Valid: up to `STRONGEST`. There the lowest third of the modes has the frequencies of the film
         solved anew on the same mesh, see `tests/physics/test_changed_tension.py`; for meshes of
-        many unknowns see `effort`.
+        many unknowns see `effort_of`.
     """
-    enlarged = _enlarge(modes, units)
+    enlarged = _enlarge(modes, units, effort)
     scale = np.sqrt(np.outer(modes.effective_mass, modes.effective_mass))
     return _fit(enlarged, scale / modes.domain.model.film.stress)
 
 
-def _enlarge(modes: Modes, units: Units) -> _Enlarged:
-    sectors = Sectors(modes)
+def _enlarge(modes: Modes, units: Units, effort: Effort) -> _Enlarged:
+    sectors = Sectors(modes, effort)
     # What takes most memory comes first
     first, *further, last = sectors.effort.sides
     outer = list(sectors.sides((first, last)))

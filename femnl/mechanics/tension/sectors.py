@@ -19,6 +19,7 @@ from femnl.mechanics.fem.supports import free_deflections
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.prestress import YieldingEdges, solve_prestress
 from femnl.mechanics.tension.bordered import Bordered, Responding
+from femnl.mechanics.tension.effort import Effort
 
 Array = NDArray[np.float64]
 Parity = tuple[int, ...]
@@ -46,48 +47,6 @@ FLIPS = {"shear": (-1, -1), "x": (1, -1), "y": (-1, 1), "product": (-1, -1)}
 
 
 @dataclass(frozen=True)
-class Effort:
-    """How far the responses of a film are followed.
-
-    degree: of their elements; relaxed_degree: of those of u where the edge yields, at whose corners
-    the stress is uneven, or the sides change; sides: u of stretched films that are solved; kept:
-    amplitude, relative to a low mode in the norm of energy, from which a response is kept; further:
-    whether responses of third order are followed.
-    """
-
-    degree: int
-    relaxed_degree: int
-    sides: tuple[float, ...]
-    kept: float
-    further: bool
-
-
-MANY = 40_000
-"""Unknowns beyond which a film takes less effort; one with few holes has less than half."""
-LEAST_DEGREE = 2
-"""Of the elements of responses: straight ones have no curvature."""
-RELAXED_DEGREE = 4
-SIDES_MOST = 0.0513
-"""The largest |ln(1 + e/2)| of `aspect_ratio`, |e| ≤ 0.1."""
-
-
-def effort(modes: Modes) -> Effort:
-    """Return how far the responses of a film are followed: less on a mesh of many unknowns.
-
-    There the elements have the highest degree with fewer than `MANY`. With a lattice of 900 holes a
-    frequency is then right to 3e-6 under other stresses, to 1e-5 on a yielding edge and to 4e-5
-    with other sides, where base modes alone miss up to 3e-4.
-    """
-    degree = modes.degree
-    while degree > LEAST_DEGREE and Space(modes.domain.mesh, degree).size > MANY:
-        degree -= 1
-    if degree == modes.degree:
-        shares = (-1.0, -0.5, 0.5, 1.0)
-        return Effort(degree, RELAXED_DEGREE, tuple(SIDES_MOST * s for s in shares), 2e-5, True)
-    return Effort(degree, RELAXED_DEGREE - 1, (-SIDES_MOST, SIDES_MOST), 1e-4, False)
-
-
-@dataclass(frozen=True)
 class Change:
     """A change of K that takes deflections of one parity to those of parity times `flip`.
 
@@ -108,10 +67,10 @@ class Sectors:
     modes are its own; free: which of all modes and unknowns; base: K; mass: M.
     """
 
-    def __init__(self, modes: Modes) -> None:
+    def __init__(self, modes: Modes, effort: Effort) -> None:
         self.modes = modes
         self.domain = modes.domain
-        self.effort = effort(modes)
+        self.effort = effort
         self._fine = Space(modes.domain.mesh, modes.degree)
         self.order = quadrature_order(modes.domain.model, 2 * modes.degree)
         self._spanned = Responding(modes, self.effort.degree)
