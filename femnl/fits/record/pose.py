@@ -178,8 +178,8 @@ def _nearest(record: _Record, linear: Fit, begin: Array) -> tuple[Array, Drive]:
 def _recalled(model: RecordModel, checkpoint: Checkpoint | None) -> tuple[float, Array]:
     """Return what the checkpoint keeps of `_followed`, or find it.
 
-    A diagnosis poses the record anew under each noise that it finds, and forty fits would take
-    their slopes again.
+    Each process of a diagnosis poses the record, and so does one that goes on after an
+    interruption: forty fits would take their slopes again.
     """
     if checkpoint is None:
         return _followed(model, checkpoint)
