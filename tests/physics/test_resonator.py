@@ -264,6 +264,34 @@ def test_states_that_their_own_amplitude_stiffens_rest(fifth: float, pull: float
     assert rests.mean() > 0.7
 
 
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+@pytest.mark.parametrize("fifth", [0.04, -0.04])
+def test_states_that_a_quintic_term_moves_a_little_are_roots_of_the_whole_equation(
+    fifth: float, damping: float
+) -> None:
+    """X |δ + i + c x + q x²|² = 1 as a quintic in x, by its companion matrix."""
+    delta = np.linspace(-6, 3, 361)
+    cubic = np.full(delta.size, 4.0 + damping * 1j)
+    roots = duffing_roots(delta, 4.0, damping)
+    x = np.stack([roots[0], np.fmax(roots[0], roots[2])])
+    none = np.zeros(delta.size)
+    self_stiffened(
+        x, delta, (cubic, np.full(delta.size, fifth), none.astype(complex)), none + 1, 3.0
+    )
+    counted = {1: 0, 3: 0}
+    for k, states in enumerate(x.T):
+        inner = np.array([fifth, cubic[k], delta[k] + 1j])
+        found = np.roots(np.append(np.convolve(inner, inner.conj()).real, -1.0))
+        real = np.sort(found[(np.abs(found.imag) < 1e-9) & (found.real > 0) & (found.real < 1)])
+        # Past a fold of either equation a branch is continued
+        count = int(np.isfinite(roots[:, k]).sum())
+        if real.size == count and (count == 3 or delta[k] > -1):
+            np.testing.assert_allclose(states, real[[0, -1]].real, rtol=1e-8)
+            counted[count] += 1
+    assert counted[1] > 150
+    assert counted[3] > 20
+
+
 @pytest.mark.parametrize("pull", [10.0, 94.0, 300.0])
 def test_states_that_another_mode_pulls_strongly_are_roots_of_the_whole_equation(
     pull: float,

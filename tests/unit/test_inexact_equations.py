@@ -175,6 +175,19 @@ def test_a_cause_that_the_base_model_balances_does_no_more_than_it_takes_up() ->
     assert np.linalg.norm(done_by(found, base, offset)) == pytest.approx(taken, rel=1e-6)
 
 
+@pytest.mark.parametrize(("directions", "surer"), [(3, False), (24, True)])
+def test_causes_must_be_surer_where_smooth_directions_span_much_of_the_data(
+    directions: int, surer: bool
+) -> None:
+    noise = np.random.default_rng(20261126).standard_normal(N)
+    waves = {f"wave {k}": np.cos(k * np.pi * (PLACE + 1) / 2) for k in range(1, directions + 1)}
+    model = Level(STRONG * PLACE + noise, BLOCKS, 1e4, waves)
+    line = cause("line", 1, 0.05)
+    found = Weighed([candidate(model, *effects) for effects in ((), (line,))])
+    assert found.least_inclusion == (0.999 if surer else 0.99)
+    assert found.least_share == (0.99 if surer else 0.9)
+
+
 @pytest.mark.parametrize(
     ("size", "alike", "verdict", "rule"),
     [

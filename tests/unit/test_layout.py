@@ -342,6 +342,10 @@ def die(path: Path) -> None:
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
+def be_killed(path: Path) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
 def exhaust(path: Path) -> None:
     raise MemoryError
 
@@ -349,8 +353,9 @@ def exhaust(path: Path) -> None:
 def test_a_library_that_dies_of_a_file_costs_that_file_alone(tmp_path: Path) -> None:
     with pytest.raises(GeometryError, match=r"a.oas: not a whole OAS file, .* \(signal 11\)"):
         apart(tmp_path / "a.oas", die)
-    with pytest.raises(MemoryError):
-        apart(tmp_path / "a.oas", exhaust)
+    for lacking in (exhaust, be_killed):
+        with pytest.raises(MemoryError):
+            apart(tmp_path / "a.oas", lacking)
     assert apart(tmp_path / "a.oas", Path.with_suffix, ".gds") == tmp_path / "a.gds"
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import subprocess
 import sys
 import time
@@ -26,6 +27,7 @@ from femnl.effects import fingerprint, from_folder, library
 from femnl.fits.least_squares import fit
 from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel
+from femnl.observe.noisy import FoundNoise, NoisyModel
 from tests.unit.plugin_page import CAUSE, EFFECT, FILES, PAGE, forget
 
 ROOT = Path(__file__).parents[2]
@@ -110,6 +112,18 @@ def test_helpers_fit_an_effect_of_a_folder_as_it_was_read(
     pool = (library() | from_folder(effects_folder)).values()
     (effects_folder / "softening.py").write_text("raise OSError")
     fitted_by_two(Posing(series, None, sent(pool, 2)))
+
+
+def test_a_file_is_posed_once_whatever_its_noise(series: Path) -> None:
+    posing = Posing(series, None, sent(library().values(), 1))
+    stated, _ = posing(None)
+    noisier, _ = posing(None, noise={"": FoundNoise(factor=2.0)})
+    assert isinstance(noisier, NoisyModel)
+    assert noisier.bare is stated
+    # A process that it is sent to poses the file itself
+    elsewhere, _ = pickle.loads(pickle.dumps(posing))(None)
+    assert elsewhere is not stated
+    assert np.array_equal(elsewhere.start, stated.start)
 
 
 def test_helpers_fit_an_effect_of_a_package(

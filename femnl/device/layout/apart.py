@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -20,7 +21,8 @@ def apart(path: Path, read: Callable[..., T], *about: object) -> T:
 
     Args: path: of the file that is read. read: a function of a module; what it is called with and
         what it returns or raises can be pickled.
-    Raises: GeometryError where the process dies, as of a damaged file; else what `read` raises.
+    Raises: GeometryError where the process dies, as of a damaged file; MemoryError where it is
+        killed; else what `read` raises.
     """
     known = os.pathsep.join(place for place in sys.path if place)
     done = subprocess.run(
@@ -30,6 +32,8 @@ def apart(path: Path, read: Callable[..., T], *about: object) -> T:
         env=os.environ | {"PYTHONPATH": known},
         check=False,
     )
+    if done.returncode == -signal.SIGKILL:  # by a system that is short of it
+        raise MemoryError
     if done.returncode < 0:
         raise GeometryError(
             one_line(
