@@ -215,3 +215,24 @@ def test_a_cause_may_leave_noise_that_is_larger_than_stated(
         assert judged.chosen.names[0] in ("line", "other line")
     if judged.noisier:
         assert judged.inflation == pytest.approx(size, rel=0.3)
+
+
+def test_a_cause_beside_larger_noise_predicts_what_is_held_out() -> None:
+    noise = np.random.default_rng(20261126).standard_normal(N)
+    model = Level(6 * PLACE + 2 * noise, BLOCKS, 1e4, {"any bend": PLACE**2})
+    base, line = candidate(model), candidate(model, cause("line", 1, 0.05))
+    assert judge([base, line]).chosen.names == ("line",)
+    bent = replace(line, result=replace(line.result))
+    vars(bent.result)["cross_validation"] = base.result.cross_validation
+    assert judge([base, bent]).verdict == "unexplained"
+
+
+def test_what_is_within_the_stated_noise_needs_no_larger_one() -> None:
+    noise = np.random.default_rng(20261126).standard_normal(N)
+    line = cause("line", 1, 0.05)
+    within, beyond = (
+        candidate(Level(6 * PLACE + size * noise, BLOCKS, 1e4), line) for size in (1.2, 2.0)
+    )
+    assert within.factor > 1
+    assert not within.may_be_noisier
+    assert beyond.may_be_noisier
