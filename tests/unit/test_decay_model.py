@@ -27,7 +27,7 @@ from femnl.observe.decay.blocks import (
     read,
 )
 from femnl.observe.decay.model import AS_MEASURED, DecayModel, Setting
-from femnl.observe.decay.record import power_record
+from femnl.observe.decay.record import DB, power_record
 from femnl.observe.extended import ExtendedModel
 from tests.unit.decay_records import RATE, TONE, record
 
@@ -151,6 +151,33 @@ def test_a_leak_that_takes_over_belongs_to_what_is_compared() -> None:
     assert time[seen.decay][-1] - time[begin] == pytest.approx(even, rel=0.25)
     assert seen.floor.sum() > 0.3 * seen.decay.sum()
     assert time[seen.floor][0] >= time[seen.decay][-1]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("slow_fall", [3.0, 28.0])
+def test_a_decay_that_slows_goes_on_as_far_as_it_falls(seed: int, slow_fall: float) -> None:
+    """It falls by 19 dB, and then at a third of its rate by some more: of a floor, or its own."""
+    time, _, begin = record(0)
+    after = time[begin:] - time[begin]
+    fast = 3.3
+    bend = 19 / (DB * fast * RATE)
+    slowed = np.clip(after - bend, 0, slow_fall / (DB * RATE))
+    amplitude = np.exp(-RATE / 2 * (fast * np.minimum(after, bend) + slowed))
+    _, power, _ = record(seed, amplitude, floor=2e-5, correlation=0.5)
+    seen = window(power_record(measurement.decay(time[begin:], power[begin:])))
+    end = after[seen.decay][-1]
+    assert end == pytest.approx(bend, rel=0.15) if slow_fall < 19 / 2 else end > 3 * bend
+
+
+def test_slow_deep_beats_belong_to_what_is_compared_beyond_their_first_minimum() -> None:
+    time, _, begin = record(0)
+    after = time[begin:] - time[begin]
+    turning = 2j * np.pi * 0.43 * RATE * after + 2.9j
+    beats = np.exp(-RATE * after / 2) * (1 + 0.57 * np.exp(turning))
+    _, power, _ = record(1, beats, floor=2e-5, correlation=0.5)
+    seen = window(power_record(measurement.decay(time[begin:], power[begin:])))
+    assert after[seen.decay][0] < 0.1 / RATE
+    assert after[seen.decay][-1] > 8 / RATE
 
 
 def test_interruptions_are_listed_and_no_residual() -> None:

@@ -41,6 +41,11 @@ STEEPER = 1 + STRONGEST_DAMPING
 """Slopes of a neighbour that still belongs to a decay, in parts of its own: a plateau of the drive
 is flatter, a drive that dies in the filter steeper.
 """
+FLATTER_AFTER = 0.02
+SLOWED = 0.5
+"""Slope of one after a decay that has slowed, in parts of its own, and fall of all that is so flat,
+in parts of that before: less is a floor that drifts.
+"""
 LEAST_FALL = 2.0
 SPREADS = 3.0
 """dB, and scatters, by which a piece must fall to be no floor."""
@@ -119,18 +124,28 @@ def window(record: PowerRecord) -> Window:
 
 def _members(record: PowerRecord, fine: Segmentation, chosen: Segmentation) -> Segmentation:
     """Return a segmentation whose decay is all that may belong to it, and the floor after it."""
-    if chosen.pieces is not fine.pieces:
-        return chosen
-    members = _grown(_grown(chosen.decay, fine, -1), fine, 1)
-    floor = floor_after(fine.line, members, fine.pieces)
-    longer = Segmentation(fine.pieces, fine.line, members, floor, fine.recorded)
-    return beating(record, longer) or longer
+    if chosen.pieces is fine.pieces:
+        members = _grown_after(_grown(chosen.decay, fine, -1, FLATTER), fine)
+        floor = floor_after(fine.line, members, fine.pieces)
+        chosen = Segmentation(fine.pieces, fine.line, members, floor, fine.recorded)
+    return beating(record, chosen) or chosen
 
 
-def _grown(members: tuple[int, ...], found: Segmentation, step: int) -> tuple[int, ...]:
+def _grown_after(members: tuple[int, ...], found: Segmentation) -> tuple[int, ...]:
+    """Return members with the falling pieces that they run into, with flat ones that fall far."""
+    steady = _grown(members, found, 1, FLATTER)
+    slowed = _grown(steady, found, 1, FLATTER_AFTER)
+    begin, bend, end = (found.pieces[k] for k in (steady[0], steady[-1], slowed[-1]))
+    return slowed if bend.low - end.low > SLOWED * (begin.high - bend.low) else steady
+
+
+def _grown(
+    members: tuple[int, ...], found: Segmentation, step: int, flattest: float
+) -> tuple[int, ...]:
     """Return members with the falling pieces that run into them without a jump.
 
-    Interruptions are skipped. Args: step: −1 for those before the decay, +1 for those after it.
+    Interruptions are skipped. Args: step: −1 for those before the decay, +1 for those after it;
+    flattest: slope of a piece, in parts of that of its neighbour.
     """
     pieces = found.pieces
     grown = list(members)
@@ -141,7 +156,7 @@ def _grown(members: tuple[int, ...], found: Segmentation, step: int) -> tuple[in
         piece = pieces[k]
         ratio = piece.slope / near.slope
         falls = piece.fall > max(LEAST_FALL, SPREADS * piece.spread)
-        if falls and FLATTER < ratio < STEEPER and _meet(piece, near, step):
+        if falls and flattest < ratio < STEEPER and _meet(piece, near, step):
             grown.insert(0 if step < 0 else len(grown), k)
             missed = 0.0
         else:
