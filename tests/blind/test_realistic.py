@@ -118,6 +118,14 @@ def test_in_as_many_rounds_as_regimes_every_cause_meets_every_regime() -> None:
     assert 60 <= len(first) <= 100
 
 
+def test_a_cause_that_leaves_nothing_to_see_is_drawn_weaker() -> None:
+    """A drift that takes the resonance out of the sweeps, before it has its size."""
+    drift = Draw("response", ("frequency_drift",), "correlated noise", "square-270um", 2951386270)
+    film = prepared(drift)
+    assert np.isfinite(film.hidden["frequency_drift"]["rate"])
+    assert np.isfinite(film.sigma["frequency_drift"])
+
+
 def test_options_are_within_their_ranges_and_of_their_regime_alone() -> None:
     rng = np.random.default_rng(1)
     for regime in REGIMES.values():

@@ -21,8 +21,10 @@ MARGIN = 5.0
 """What a Duffing term must gain beyond its parameter: with it, noise alone makes one in 1 000."""
 SIGN_MARGIN = 10.0
 """Fall of χ²/s² from which on the phase is taken to rise with frequency."""
-MOSTLY = 0.1
+MOSTLY = 0.3
 """Of the χ² of the richest linear model: what leaves less has a jump, and the right sign."""
+CLEARLY = 0.5
+"""Of the χ² of the other sign: what leaves less is likelier, though no model is met."""
 CONJUGATED = (
     "the phase rises through the resonance, so the data follow exp(−iωt); they are conjugated, and "
     "phase and background are those of exp(+iωt)"
@@ -52,7 +54,8 @@ def choose(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> Choice:
     """Fit the models that are allowed and return the one that the evidence prefers.
 
     A resonance runs through its circle clockwise, with or without background, delay or stiffening:
-    the sign of the phase is that of the file unless the other one leaves much less.
+    the sign of the phase is that of the file unless the other one leaves much less, or where no
+    model describes the data, clearly less.
 
     Args: layout: of θ, its background yet to be chosen.
     """
@@ -84,7 +87,9 @@ def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, 
     if len(tried) > 1 and not any(fits.met for fits in tried.values()):
         likely = likely_sign(sweeps)
         linear = min(fits.least for fits in tried.values())
-        for fits in (tried[likely], tried[-likely]):
+        # What bends no resonance needs no search for folds
+        open_signs = (likely, -likely) if not _clear(tried, likely) else ()
+        for fits in (tried[sign] for sign in open_signs):
             fits.fit_across_folds()
             if fits.met or fits.least < MOSTLY * linear:
                 break
@@ -92,9 +97,17 @@ def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, 
 
 
 def _sign(sweeps: Sweeps, tried: Mapping[int, TriedModels]) -> int:
-    """Return the sign of the phase: that of the file, unless the other one leaves much less."""
+    """Return the sign of the phase; see `choose`."""
     first, *others = tried
-    return -1 if others and _turns(sweeps, tried) else first
+    if not others:
+        return first
+    met = any(fits.met for fits in tried.values())
+    return -1 if _turns(sweeps, tried) and (met or _clear(tried, -1)) else first
+
+
+def _clear(tried: Mapping[int, TriedModels], sign: int) -> bool:
+    """Whether one sign of the phase leaves clearly less than the other."""
+    return tried[sign].least < CLEARLY * tried[-sign].least
 
 
 def _turns(sweeps: Sweeps, tried: Mapping[int, TriedModels]) -> bool:

@@ -10,6 +10,7 @@ from femnl.core.fit import Fit
 from femnl.core.readout import Array
 from femnl.fits.response.choice import CONJUGATED, sign_of_phase, turned
 from femnl.fits.response.fit import first_layout, fit_response
+from femnl.fits.response.tried import ADEQUATE
 from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.response.extent import extent
@@ -33,23 +34,7 @@ def pose(
         )
     sign = sign_of_phase(sweeps, first_layout(sweeps, "complex"))
     sweeps = turned(sweeps, sign)
-    # Whether damping grows with amplitude is for the diagnosis to say; here it only makes the
-    # start safe.
-    fitted = min(
-        (
-            fit_response(
-                dataset,
-                "complex",
-                background="none",
-                duffing=True,
-                delay=True,
-                phase_sign=sign,
-                nonlinear_damping=damped,
-            )
-            for damped in (False, True)
-        ),
-        key=lambda f: f.chi2_reduced,
-    )
+    fitted = _first_fit(dataset, sign)
     mode = _mode(dataset, film, fitted["frequency"])
     alpha = float(film.alpha[mode])
     count = sweeps.n_positions
@@ -101,6 +86,28 @@ def pose(
             softens,
         ),
     )
+
+
+def _first_fit(dataset: xr.Dataset, sign: int) -> Fit:
+    """Return a fit of one mode, whose damping grows with amplitude where that describes the data.
+
+    Whether it does is for the diagnosis to say; here it only makes the start safe.
+    """
+    found: list[Fit] = []
+    for damped in (True, False):
+        fitted = fit_response(
+            dataset,
+            "complex",
+            background="none",
+            duffing=True,
+            delay=True,
+            phase_sign=sign,
+            nonlinear_damping=damped,
+        )
+        if fitted.chi2_reduced < ADEQUATE:
+            return fitted
+        found.append(fitted)
+    return min(found, key=lambda one: one.chi2_reduced)
 
 
 def _base(

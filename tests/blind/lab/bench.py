@@ -167,9 +167,14 @@ def sized(
         }
         if all(abs(np.log(f)) < NEAR for f in factor.values()):
             break
-        hidden = {name: scaled(cause, factor[name]) for name, cause in hidden.items()}
-        earlier = found
+        before, earlier = hidden, found
+        hidden = {name: scaled(cause, factor[name]) for name, cause in before.items()}
         found = sizes(bench, base, hidden)
+        while not all(np.isfinite(size) for size in found.values()):
+            # So strong that nothing is left to see
+            factor = {name: f**0.5 for name, f in factor.items()}
+            hidden = {name: scaled(cause, factor[name]) for name, cause in before.items()}
+            found = sizes(bench, base, hidden)
         for name, f in factor.items():  # some effects are of second order in their strength
             if abs(np.log(f)) > NEAR:
                 power[name] = float(
