@@ -30,7 +30,8 @@ class ModalSystem:
     [rad²/m²] as a polynomial in ℓ, which the clamped edge makes it; gap [m] below the film;
     airload (n, n) [m³], see `femnl.mechanics.airload`; tension (9,): strengths of `STRENGTHS` that
     K holds; unbent (n, n) [N/m]: what of K the energy of bending does not follow, as a spring of
-    gas.
+    gas; speed_known: whether the speed of waves is known from elsewhere, so that a shift that all
+    modes share is seen.
     """
 
     stiffness: Array
@@ -45,6 +46,7 @@ class ModalSystem:
     airload: Array = field(default_factory=lambda: np.empty((0, 0)))
     tension: Array = field(default_factory=lambda: np.zeros(len(STRENGTHS)))
     unbent: Array = field(default_factory=lambda: np.zeros((1, 1)))
+    speed_known: bool = False
 
     @property
     def speed(self) -> float:

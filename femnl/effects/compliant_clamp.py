@@ -22,8 +22,8 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
     They lengthen the film by atan k(δ − ℓ)/k instead of −atan(kℓ)/k at each edge.
 
     On a rectangle it acts along x and y apart, each a function of the operator −∂² in that
-    direction. What it does to all long waves alike, L → L + 2δ, stays in the speed of waves. The
-    shear force of the layer at the edge, −Dw‴, stretches δ by 1 + 2ℓ²k².
+    direction. What it does to all long waves alike, L → L + 2δ, stays in the speed of waves unless
+    that is known. The shear force of the layer at the edge, −Dw‴, stretches δ by 1 + 2ℓ²k².
     """
     layer = system.bending_length
     depth = float(layer + np.cbrt(values["depth_cubed"] - layer**3))
@@ -34,7 +34,8 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
     shear = 4 * depth * layer**2
     if system.box is None:
         width = 2 * system.projection.reach
-        common = (1 + 2 * depth / width) ** 2
+        longer = (1 + 2 * depth / width) ** 2
+        common = 1.0 if system.speed_known else longer
         low = _lowered(np.sqrt(SPREAD * k2), width, depth, layer) ** 2
         loose = (
             low
@@ -45,7 +46,7 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
                 * shear
                 / (width + 2 * (depth - layer))
                 * k2
-                / common
+                / longer
                 / (1 + low * (depth - layer) ** 2)
             )
         )
@@ -56,7 +57,8 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
     root = np.sqrt(np.diag(system.stiffness))
     along = system.projection.slopes[0, :2]
     total = np.sqrt(np.diag(along.sum(axis=0)) / k2)
-    common = (1 + 2 * depth / np.sqrt(system.box[0] * system.box[1])) ** 2
+    longer = (1 + 2 * depth / np.sqrt(system.box[0] * system.box[1])) ** 2
+    common = 1.0 if system.speed_known else longer
     before, after, moved = (np.zeros_like(system.stiffness) for _ in range(3))
     for slopes, width in zip(along, system.box, strict=True):
         # Shares of x and y in k², which holes change alike.
@@ -102,7 +104,7 @@ EFFECT = Effect(
     accuracy=0.05,
     accuracy_reason="an edge that yields alike all around; a ledge is no row of springs",
     equation="edge w = 0 → −δ ∂w/∂n, δ = T/springs per length: kL + 2 atan k(δ − ℓ) = mπ, less "
-    "2δ/L of all modes; s = (δ − ℓ)³ + ℓ³",
+    "2δ/L of all modes where the speed of waves is not known; s = (δ − ℓ)³ + ℓ³",
     parameters=(
         ParameterSpec(
             "depth_cubed",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.optimize import linear_sum_assignment
+from scipy.optimize import brentq, linear_sum_assignment
 
 from femnl.chip import ChipFit, fit_chip, read_chip
 from femnl.chip.result import Cause
@@ -40,6 +40,19 @@ def stretched(anisotropy: float) -> Array:
     """ω² ∝ (1 + a/2) m² + (1 − a/2) n²."""
     m2, n2 = np.array(MODES).T ** 2
     return np.asarray(np.sqrt(1 + anisotropy / 2 * (m2 - n2) / (m2 + n2)))
+
+
+def reaching(depth: float) -> Array:
+    """F over that of the plain film, of kL + 2 atan kδ = mπ in both directions."""
+
+    def wavenumber(order: int) -> float:
+        def miss(k: float) -> float:
+            return float(k * SIDE + 2 * np.arctan(k * depth) - order * np.pi)
+
+        return float(brentq(miss, 0, order * np.pi / SIDE))
+
+    plain = np.hypot(*np.array(MODES).T) * np.pi / SIDE
+    return np.array([np.hypot(wavenumber(m), wavenumber(n)) for m, n in MODES]) / plain
 
 
 def chip(folder: Path, odd: Array) -> ChipFit:
@@ -78,6 +91,11 @@ def test_unequal_stress_is_told_or_its_equal(tmp_path: Path) -> None:
     cause = only(chip(tmp_path, stretched(0.01)))
     assert cause.name in ("stress_anisotropy", "aspect_ratio")
     assert "may do the same" in cause.words
+
+
+def test_a_clamp_that_yields_is_seen_by_what_it_does_to_all_modes_alike(tmp_path: Path) -> None:
+    cause = only(chip(tmp_path, reaching(4e-6)))
+    assert cause.name == "compliant_clamp"
 
 
 def test_another_stress_of_one_device_is_no_cause_of_the_library(tmp_path: Path) -> None:

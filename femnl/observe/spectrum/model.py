@@ -271,6 +271,7 @@ class SpectrumModel(MeasurementModel):
             self.film.layer,
             self.film.gap,
             self.film.airload,
+            speed_known=self.known_speed is not None,
         )
         return plain, mass, system
 
