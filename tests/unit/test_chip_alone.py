@@ -52,7 +52,8 @@ def reaching(depth: float) -> Array:
         return float(brentq(miss, 0, order * np.pi / SIDE))
 
     plain = np.hypot(*np.array(MODES).T) * np.pi / SIDE
-    return np.array([np.hypot(wavenumber(m), wavenumber(n)) for m, n in MODES]) / plain
+    found = np.array([np.hypot(wavenumber(m), wavenumber(n)) for m, n in MODES])
+    return np.asarray(found / plain)
 
 
 def chip(folder: Path, odd: Array) -> ChipFit:
