@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import chi2
 
 from femnl.chip.members import Chip
 from femnl.chip.result import Cause, Deviation, Quantity
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 FEWEST = 3
 """Modes of a device that its diagnosis needs."""
+ALIKE = 0.01
+"""Probability of the scatter of the modes about one factor, from which on they are off by it."""
 UNKNOWN = ("other film or shape", "damaged")
 """Causes that say no more than that a frequency is off."""
 MOST_RIVALS = 3
@@ -50,7 +53,20 @@ def explained(cause: Cause, chip: Chip, frequency: Quantity, model: Hierarchy) -
         return cause
     numbers = next(m.frequency for m in chip.members if m.name == cause.device)
     measured = np.array([numbers[one.mode].sd / numbers[one.mode].value for one in own])
-    return _told(cause, diagnosed(own, measured, geometry, model))
+    told = _told(cause, diagnosed(own, measured, geometry, model))
+    if told.name == cause.name or not _alike(own, measured, model):
+        return told
+    words = f"{cause.words}; all its modes are off alike, as of another stress, density or size"
+    return replace(cause, words=f"{words}; {told.name} may do the same")
+
+
+def _alike(own: list[Deviation], measured: Array, model: Hierarchy) -> bool:
+    """Whether the modes of a device are off by one factor, within what they scatter."""
+    _, between_modes = model.scatter
+    sd = np.hypot(between_modes, np.maximum(measured, LEAST_SD))
+    off = np.array([one.log_ratio for one in own])
+    away = (off - np.average(off, weights=sd**-2)) / sd
+    return bool(chi2.sf(np.sum(away**2), len(own) - 1) >= ALIKE)
 
 
 def diagnosed(own: list[Deviation], measured: Array, geometry: str, model: Hierarchy) -> Diagnosis:

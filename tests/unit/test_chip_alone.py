@@ -99,10 +99,14 @@ def test_a_clamp_that_yields_is_seen_by_what_it_does_to_all_modes_alike(tmp_path
     assert cause.name == "compliant_clamp"
 
 
-def test_another_stress_of_one_device_is_no_cause_of_the_library(tmp_path: Path) -> None:
-    cause = only(chip(tmp_path, np.full(len(MODES), 1.01)))
+@pytest.mark.parametrize(("factor", "words"), [(1.01, "no cause of"), (0.985, "another stress")])
+def test_another_stress_of_one_device_is_no_cause_of_the_library(
+    factor: float, words: str, tmp_path: Path
+) -> None:
+    """Nor where a cause lowers all modes nearly alike, as a clamp that yields."""
+    cause = only(chip(tmp_path, np.full(len(MODES), factor)))
     assert cause.name == "other film or shape"
-    assert "no cause of the library explains its modes" in cause.words
+    assert words in cause.words
 
 
 def test_a_mass_that_loads_all_modes_alike_is_seen_by_the_speed_of_the_chip(
