@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femnl.chip.alone import explained
 from femnl.chip.causes import name_causes
@@ -17,6 +18,9 @@ from femnl.chip.values import LEAST_SD, Values
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter
 
+Mask = NDArray[np.bool_]
+MOST_LISTED = 6
+"""Frequencies that a note lists."""
 FEWEST = 4
 """Devices of one quantity that a fit needs."""
 
@@ -60,6 +64,16 @@ def fit_chip(chip: Chip) -> ChipFit:
         for cause in name_causes(entries, cleaned, frequency, quality)
     )
     notes = list(chip.notes)
+    alone = [
+        f"{member.name} {mode}"
+        for (member, mode), seen in zip(
+            entries.rows, comparable(entries.values, cleaned), strict=True
+        )
+        if not seen
+    ]
+    if alone:
+        listed = ", ".join(alone[:MOST_LISTED]) + (", …" if len(alone) > MOST_LISTED else "")
+        notes.append(f"modes that no ordinary device has as well are compared with none: {listed}")
     if not np.isfinite(entries.values.place).all():
         notes.append("places: not known of all devices, so no variation over the chip is sought")
     return ChipFit(
@@ -106,6 +120,7 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
     model = cleaned.model
     values = entries.values
     predicted = _predicted(values, cleaned)
+    compared = comparable(values, cleaned)
     devices = tuple(
         Deviation(
             member.name,
@@ -119,6 +134,7 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
             cleaned.outliers.get(int(values.device[k]), 0.0),
         )
         for k, (member, mode) in enumerate(entries.rows)
+        if compared[k]
     )
     places = np.unique(model.values.place, axis=0)
     field = model.over_chip(places).mean if len(model.fields) > 1 else np.zeros(1)
@@ -132,6 +148,17 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
         means=_means(entries, model),
         devices=devices,
         left_out=_left_out(values, predicted),
+    )
+
+
+def comparable(values: Values, cleaned: Cleaned) -> Mask:
+    """Return which entries (n,) have others of their group, of devices that are no outliers."""
+    alike = ~np.isin(values.device, [*cleaned.outliers])
+    return np.array(
+        [
+            bool(np.any(alike & (values.group == group) & (values.device != device)))
+            for group, device in zip(values.group, values.device, strict=True)
+        ]
     )
 
 

@@ -176,14 +176,22 @@ class Hierarchy:
     def reference(self, of: Values) -> Array:
         """Return what y of entries is counted from.
 
-        The median of their group, or of all data where groups have no entry or share factors.
+        The median of their group, of their own where the data have none of it, or of all data
+        where groups share factors.
         """
         v = self.values
         found = np.full(len(of.y), np.median(v.y))
         if self.factors is None:
-            for g in v.groups:
-                found[of.group == g] = np.median(v.y[v.group == g])
+            for g in of.groups:
+                seen = v.y[v.group == g]
+                found[of.group == g] = np.median(seen if seen.size else of.y[of.group == g])
         return found
+
+    def _unseen(self, of: Values) -> Array:
+        """Return the prior variance of the means of groups that the data have none of, (n,)."""
+        if self.factors is not None:
+            return np.zeros(len(of.y))
+        return np.where(np.isin(of.group, self.values.groups), 0.0, (MEAN_SD * self.unit) ** 2)
 
     def _solve(self, sums: Sums) -> "Solved":
         """Return weights of features and log p(y) for every scale, by sums over devices."""
@@ -261,7 +269,8 @@ class Hierarchy:
 
     def _predicted(self, solved: "Solved", new: Values, weights: Array) -> "Mixture":
         found = self._expected(solved, self.features(new), weights)
-        own = (self.scales.spread**2 + self.scales.mode_spread**2)[:, None] + new.sd**2
+        apart = new.sd**2 + self._unseen(new)
+        own = (self.scales.spread**2 + self.scales.mode_spread**2)[:, None] + apart
         return Mixture(found.weights, self.reference(new) + found.means, found.variances + own)
 
     def log_density(self, new: Values, wider: float = 0.0) -> float:
@@ -276,7 +285,7 @@ class Hierarchy:
         scaled = self.features(new)[None] * self.prior_sd[:, None, :]
         off = new.y - self.reference(new) - np.einsum("kna,ka->kn", scaled, solved.mean)
         known = np.einsum("kna,kab,kmb->knm", scaled, solved.covariance, scaled)
-        apart = (scales.mode_spread**2)[:, None] + new.sd**2
+        apart = (scales.mode_spread**2)[:, None] + new.sd**2 + self._unseen(new)
         common = (scales.spread**2 + wider**2)[:, None, None]
         covariance = known + common + apart[:, :, None] * np.eye(n)
         square = np.einsum("kn,kn->k", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])

@@ -363,3 +363,21 @@ def test_a_lossy_device_is_told_from_one_with_another_frequency() -> None:
         "11": "damaged",
         "15": "loses less",
     }
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.01])
+def test_a_mode_that_one_device_alone_has_says_nothing_of_it(shift: float) -> None:
+    rng = np.random.default_rng(20261126)
+    members = []
+    for k in range(13):
+        own = k == 12
+        factor = np.exp(rng.normal(0, 3e-4) + (shift if own else 0))
+        modes = {"1,1": 1e6, "3,1" if own else "1,3": 2.236e6}
+        numbers = {mode: Number(float(f * factor), 10.0) for mode, f in modes.items()}
+        members.append(Member(f"D{k}", "square", (np.nan, np.nan), numbers))
+    found = fit_chip(Chip("one more mode", tuple(members), {}, ()))
+    assert [cause.device for cause in found.causes] == (["D12"] if shift else [])
+    if shift:
+        assert "+1.0" in found.causes[0].words
+    assert ("D12", "3,1") not in {(one.device, one.mode) for one in found.frequency.devices}
+    assert any("D12 3,1" in note for note in found.notes)
