@@ -30,8 +30,9 @@ blind: $(READY)  ## hide causes in hundreds of files and count what the diagnosi
 	$(BIN)/python -m tests.blind.study build/blind
 	$(BIN)/python -m tests.blind.realistic build/realistic
 	$(BIN)/python -m tests.blind.chips build/chips --seed 6
+	$(BIN)/python -m tests.blind.odd_devices build/odd_devices --seed 7
 	$(BIN)/python -m tests.blind.boards validation/blind.json weak=build/blind \
-		realistic=build/realistic chips=build/chips
+		realistic=build/realistic chips=build/chips odd_devices=build/odd_devices
 
 fuzz: $(READY)  ## fuzz the readers for ten minutes (needs the extra fuzz)
 	$(BIN)/python -m pytest -m slow tests/robust/test_fuzz.py

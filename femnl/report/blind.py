@@ -36,6 +36,11 @@ TITLES = {
         "whose names were exchanged, beside a variation over the chip that is none, a plane, a "
         "bowl, or a wave; a file is a chip.",
     ),
+    "odd_devices": (
+        "Odd devices of chips, by their modes",
+        "Chips of twelve like squares hide one more with a cause of spectra, or with another "
+        "stress; a file is a chip.",
+    ),
 }
 """What each study of a scoreboard hides."""
 

@@ -8,18 +8,15 @@ be wrong by, `_sigma`: of two devices of a design, no one can say which is the o
 say how often the fit finds what is hidden.
 """
 
-import argparse
-import json
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femnl.chip import fit_chip
 from femnl.chip.members import Chip, Member, Number
-from tests.blind.counts import Record, rate
+from tests.blind.counts import Record, rated
+from tests.blind.draws import study
 
 SHAPES = ("none", "plane", "bowl", "wave")
 HIDDEN = ("nothing", "one", "two", "exchanged", "lossy")
@@ -208,52 +205,8 @@ def score(records: list[Record]) -> dict[str, Any]:
         for held in r["held"]:
             count("68 % intervals hold", r, held)
         count("worse than 1.05 of the design's mean", r, r["error"] > 1.05 * r["plain"])
-    return {name: _rated(name, found) for name, found in hits.items()}
-
-
-def _rated(name: str, found: list[tuple[str, bool]]) -> dict[str, Any]:
-    """Return a rate with its target, where it has one, and the rates by form."""
-    rated = rate([hit for _, hit in found])
-    if name in TARGETS:
-        rated["target"] = TARGETS[name]
-    rated["by_kind"] = {
-        shape: rate([hit for own, hit in found if own == shape])
-        for shape in sorted({own for own, _ in found})
-    }
-    return rated
-
-
-def main() -> None:
-    """Draw the chips that are missing, fit them, and write the scoreboard."""
-    parser = argparse.ArgumentParser(description="simulated chips")
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--draws", type=int, default=300)
-    given = parser.parse_args()
-    sys.stderr.write(f"seed {given.seed}\n")
-    given.folder.mkdir(parents=True, exist_ok=True)
-    results = given.folder / f"results-{given.seed}.jsonl"
-    lines = results.read_text(encoding="utf-8").splitlines() if results.is_file() else []
-    records: list[Record] = [json.loads(line) for line in lines]
-    seeds = np.random.default_rng(given.seed).integers(0, 2**32, given.draws)
-    with results.open("a", encoding="utf-8") as file:
-        for seed in seeds[len(records) :]:
-            line = json.dumps(judge(int(seed)))
-            file.write(line + "\n")
-            file.flush()
-            # As it is read again, so that a score does not depend on when it is made
-            records.append(json.loads(line))
-    board = {
-        "seeds": [given.seed],
-        "draws": len(records),
-        "note": "",
-        "rates": score(records),
-        "limits": {},
-    }
-    (given.folder / "scoreboard.json").write_text(
-        json.dumps(board, indent=1, ensure_ascii=False), encoding="utf-8"
-    )
+    return {name: rated(found, TARGETS.get(name)) for name, found in hits.items()}
 
 
 if __name__ == "__main__":
-    main()
+    study("simulated chips", judge, score, 300)

@@ -30,6 +30,21 @@ def rate(hits: Sequence[bool]) -> dict[str, Any]:
     return {"n": n, "k": k, "rate": k / n, "interval": [float(low), float(high)]}
 
 
+def rated(found: Sequence[tuple[str, bool]], target: tuple[str, float] | None) -> dict[str, Any]:
+    """Return a rate with its target, where it has one, and the rates by kind.
+
+    found: the kind of each case, and whether it is a hit.
+    """
+    whole = rate([hit for _, hit in found])
+    if target is not None:
+        whole["target"] = target
+    whole["by_kind"] = {
+        kind: rate([hit for own, hit in found if own == kind])
+        for kind in sorted({own for own, _ in found})
+    }
+    return whole
+
+
 def confusion(records: Iterable[Record], told: Told, naming: Sequence[str]) -> dict[str, Any]:
     """Count how often each hidden cause, or none, got each answer.
 

@@ -6,17 +6,14 @@ instrument tells. The rates say how often the fit of the chip names the device, 
 the cause. Of the devices with nothing hidden but another stress no cause is right.
 """
 
-import argparse
-import json
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femnl.chip import fit_chip
 from femnl.chip.members import Chip, Member, Number
-from tests.blind.counts import Record, rate
+from tests.blind.counts import Record, rated
+from tests.blind.draws import study
 from tests.blind.lab import KINDS
 from tests.blind.lab.bench import sized
 
@@ -111,6 +108,13 @@ def judge(seed: int) -> Record:
     return {"seed": seed, **truth, "named": named, "words": words.get(ODD, "")}
 
 
+TARGETS: dict[str, tuple[str, float]] = {
+    "odd device named": ("at least", 0.97),
+    "an ordinary device named": ("at most", 0.02),
+}
+"""What is asked of some rates."""
+
+
 def score(records: list[Record]) -> dict[str, Any]:
     """Return the rates with 95 % intervals, and those of single causes."""
     hits: dict[str, list[tuple[str, bool]]] = {}
@@ -133,47 +137,8 @@ def score(records: list[Record]) -> dict[str, Any]:
         if odd:
             count("cause named, or among its equals", r, alike)
         count("wrong cause named", r, bool(causes) and not alike)
-    return {
-        name: rate([hit for _, hit in found])
-        | {
-            "by_kind": {
-                cause: rate([hit for own, hit in found if own == cause])
-                for cause in sorted({own for own, _ in found})
-            }
-        }
-        for name, found in hits.items()
-    }
-
-
-def main() -> None:
-    """Draw the chips that are missing, fit them, and write the scoreboard."""
-    parser = argparse.ArgumentParser(description="odd devices on simulated chips")
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--draws", type=int, default=100)
-    given = parser.parse_args()
-    sys.stderr.write(f"seed {given.seed}\n")
-    given.folder.mkdir(parents=True, exist_ok=True)
-    results = given.folder / f"results-{given.seed}.jsonl"
-    lines = results.read_text(encoding="utf-8").splitlines() if results.is_file() else []
-    records: list[Record] = [json.loads(line) for line in lines]
-    seeds = np.random.default_rng(given.seed).integers(0, 2**32, given.draws)
-    with results.open("a", encoding="utf-8") as file:
-        for seed in seeds[len(records) :]:
-            records.append(judge(int(seed)))
-            file.write(json.dumps(records[-1]) + "\n")
-            file.flush()
-    board = {
-        "seeds": [given.seed],
-        "draws": len(records),
-        "note": "",
-        "rates": score(records),
-        "limits": {},
-    }
-    (given.folder / "scoreboard.json").write_text(
-        json.dumps(board, indent=1, ensure_ascii=False), encoding="utf-8"
-    )
+    return {name: rated(found, TARGETS.get(name)) for name, found in hits.items()}
 
 
 if __name__ == "__main__":
-    main()
+    study("odd devices on simulated chips", judge, score, 100)
