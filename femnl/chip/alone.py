@@ -45,7 +45,8 @@ def explained(cause: Cause, chip: Chip, frequency: Quantity, model: Hierarchy) -
     """Return a cause with what the library makes of the device.
 
     The same where its frequencies say too little: of fewer than three modes, of a design without a
-    geometry, or where another cause is known.
+    geometry, or where another cause is known. Modes that are off alike name none, as another film
+    does that, too.
     """
     own = [one for one in frequency.devices if one.device == cause.device]
     geometry = chip.geometries.get(own[0].design)
@@ -62,11 +63,16 @@ def explained(cause: Cause, chip: Chip, frequency: Quantity, model: Hierarchy) -
 
 def _alike(own: list[Deviation], measured: Array, model: Hierarchy) -> bool:
     """Whether the modes of a device are off by one factor, within what they scatter."""
-    _, between_modes = model.scatter
-    sd = np.hypot(between_modes, np.maximum(measured, LEAST_SD))
+    sd = _apart(measured, model)
     off = np.array([one.log_ratio for one in own])
     away = (off - np.average(off, weights=sd**-2)) / sd
     return bool(chi2.sf(np.sum(away**2), len(own) - 1) >= ALIKE)
+
+
+def _apart(measured: Array, model: Hierarchy) -> Array:
+    """Return by how much modes of one device deviate each for itself, relative (n,)."""
+    _, between_modes = model.scatter
+    return np.hypot(between_modes, np.maximum(measured, LEAST_SD))
 
 
 def diagnosed(own: list[Deviation], measured: Array, geometry: str, model: Hierarchy) -> Diagnosis:
@@ -85,9 +91,9 @@ def diagnosed(own: list[Deviation], measured: Array, geometry: str, model: Hiera
     order = [int(n) - 1 for n in names] if numbered else named_modes(tuple(names), film).order
     simulated = film.modes.frequency[order]
     found = simulated * np.exp([one.log_ratio for one in own])
-    common, between_modes = model.scatter
+    common, _ = model.scatter
     labels = None if numbered else names
-    sd = simulated * np.hypot(between_modes, np.maximum(measured, LEAST_SD))
+    sd = simulated * _apart(measured, model)
     group = measurement.spectrum(found, sd, labels).assign_attrs(
         wave_speed=film.speed, wave_speed_sd=film.speed * common
     )

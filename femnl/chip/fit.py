@@ -67,7 +67,7 @@ def fit_chip(chip: Chip) -> ChipFit:
     alone = [
         f"{member.name} {mode}"
         for (member, mode), seen in zip(
-            entries.rows, comparable(entries.values, cleaned), strict=True
+            entries.rows, _comparable(entries.values, cleaned), strict=True
         )
         if not seen
     ]
@@ -120,7 +120,7 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
     model = cleaned.model
     values = entries.values
     predicted = _predicted(values, cleaned)
-    compared = comparable(values, cleaned)
+    compared = _comparable(values, cleaned)
     devices = tuple(
         Deviation(
             member.name,
@@ -151,7 +151,7 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
     )
 
 
-def comparable(values: Values, cleaned: Cleaned) -> Mask:
+def _comparable(values: Values, cleaned: Cleaned) -> Mask:
     """Return which entries (n,) have others of their group, of devices that are no outliers."""
     alike = ~np.isin(values.device, [*cleaned.outliers])
     return np.array(
