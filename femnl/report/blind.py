@@ -91,7 +91,7 @@ def _study(board: Mapping[str, Any], title: str, words: str) -> Blind:
             [name, f"{r['k']} of {r['n']}", _percent(r["rate"]), _interval(r), _target(r)]
             for name, r in counted.items()
         ],
-        kinds,
+        [kind.replace("_", " ") for kind in kinds],  # causes, which break between words
         by_kind,
         [
             [name, plain(limit["sigma"], 3), str(limit["draws"]), _sizes(limit)]
