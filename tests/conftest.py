@@ -55,4 +55,4 @@ def allow_memory() -> Iterator[Callable[[int], None]]:
 @pytest.fixture(autouse=True)
 def _never_at_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let what a command says not depend on how busy the machine of the tests is."""
-    monkeypatch.setattr("femnl.cli._output.FIRST_WORD", 1e9)
+    monkeypatch.setattr("femnl.cli._output.PROGRESS.first_word", 1e9)

@@ -79,12 +79,15 @@ class Progress(logging.Handler):
     """What femnl works on: in the last line of a terminal, else in lines of its own now and then.
 
     A terminal shows each step; the next one, or a result, takes its place. Where there is no
-    terminal, the step of the moment is told FIRST_WORD seconds after the begin and then after each
-    QUIET seconds. A thread tells it, so that no long step of a solver or a fit is silent.
+    terminal, the step of the moment is told `first_word` seconds after the begin and then after
+    each QUIET seconds. A thread tells it, so that no long step of a solver or a fit is silent.
+    tick: seconds between its looks at the time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, first_word: float = FIRST_WORD, tick: float = TICK) -> None:
         super().__init__()
+        self.first_word = first_word
+        self._tick = tick
         self._writing = Lock()
         self._ended = Event()
         self._ended.set()
@@ -137,8 +140,9 @@ class Progress(logging.Handler):
             self._tell(0.0)
 
     def _watch(self, ended: Event) -> None:
-        while not ended.wait(TICK):
-            self._tell(QUIET if self._told_before and not sys.stderr.isatty() else FIRST_WORD)
+        while not ended.wait(self._tick):
+            again = self._told_before and not sys.stderr.isatty()
+            self._tell(QUIET if again else self.first_word)
 
     def _tell(self, patience: float) -> None:
         """Tell the step where nothing was told for `patience` seconds."""
@@ -148,7 +152,8 @@ class Progress(logging.Handler):
                 return
             self._heard = now
             self._told_before = True
-            since = f" {now - self._begun:.0f} s" if now - self._begun >= FIRST_WORD else ""
+            lasts = now - self._begun
+            since = f" {lasts:.0f} s" if lasts >= self.first_word else ""
             before, after = (CLEAR, "") if sys.stderr.isatty() else ("", "\n")
             with suppress(OSError, ValueError):  # where nobody reads any more
                 sys.stderr.write(f"{before}{self._step} …{since}{after}")

@@ -4,6 +4,7 @@ import json
 import logging
 import signal
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ import psutil
 import pytest
 
 from femnl.cli._main import run
-from femnl.core.effect import Effect
+from femnl.core.effect import Effect, Values
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.resources import geometries
+from femnl.core.stages import Points
 from femnl.diagnose import diagnose, table
 from femnl.diagnose.one_file import Task, attempt, loaded, settings_of, task_of
 from femnl.diagnose.table import COLUMNS, diagnose_many
@@ -253,24 +255,37 @@ def test_a_geometry_that_is_given_counts_for_every_file_and_goes_with_them(tmp_p
         settings_of("missing.toml", few())
 
 
+def fail(points: Points, values: Values) -> Points:
+    raise RuntimeError("no way on")
+
+
+def fill_memory(points: Points, values: Values) -> Points:
+    raise MemoryError
+
+
+def fill_disk(points: Points, values: Values) -> Points:
+    raise OSError(28, "No space left on device", "/tmp/x")
+
+
+@pytest.mark.parametrize(
+    ("fault", "told", "logged"),
+    [
+        (fail, "a fault of femnl (RuntimeError: no way on)", 1),
+        (fill_memory, "the memory is full; lower --workers", 0),
+        (fill_disk, "/tmp/x: No space left on device", 0),
+    ],
+)
 def test_a_fault_of_femnl_and_a_full_memory_cost_their_own_row_alone(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    fault: Callable[[Points, Values], Points],
+    told: str,
+    logged: int,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    settings = settings_of(None, few())
-    task = task_of(quality_file("file.nc"), settings)
-    for error, told in (
-        (ZeroDivisionError("by nothing"), "a fault of femnl (ZeroDivisionError: by nothing)"),
-        (MemoryError(), "the memory is full; lower --workers"),
-        (OSError(28, "No space left on device", "/tmp/x"), "/tmp/x: No space left on device"),
-    ):
-
-        def fail(*about: object, error: Exception = error) -> None:
-            raise error
-
-        monkeypatch.setattr("femnl.diagnose.one_file.diagnose", fail)
-        assert told in attempt(task, settings)["message"]
-    (record,) = caplog.records
-    assert record.exc_info is not None
+    broken = replace(library()["trapped_gas"], name="broken", changes={"points": fault})
+    settings = settings_of(None, [broken])
+    assert told in attempt(task_of(quality_file("file.nc"), settings), settings)["message"]
+    faults = [record for record in caplog.records if record.exc_info is not None]
+    assert len(faults) == logged
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def test_too_few_points_and_a_missing_sweep_are_refused() -> None:
         find_peaks(response(np.arange(1e6, 1e6 + 50), np.ones(50), noise_sd=1.0), 3)
 
 
-PAIRS = [(m, n) for m in range(1, 7) for n in range(1, 7)]
+PAIRS = [(m, n) for m in range(1, 10) for n in range(1, 10)]
 
 
 def modes(aspect: float, count: int = 20) -> tuple[list[str], Array]:
@@ -180,16 +180,18 @@ class Case:
     scale: float
 
 
-def case(seed: int, model_sd: float, missing: int = 2, spurious: int = 2) -> Case:
+def case(
+    seed: int, model_sd: float, missing: int = 2, spurious: int = 2, highest: int = 12
+) -> Case:
     """A film of unknown stress and an imperfect simulation.
 
-    Two modes not seen, two lines that are none.
+    Two modes not seen, two lines that are none. highest: of the modes within the band.
     """
     rng = np.random.default_rng(seed)
-    labels, simulated = modes(1 + 0.01 * rng.uniform(0.5, 1.0))
+    labels, simulated = modes(1 + 0.01 * rng.uniform(0.5, 1.0), highest + 8)
     scale = float(np.exp(0.2 * rng.normal()))
     true = scale * simulated * (1 + model_sd * rng.normal(size=simulated.size))
-    band = (0.9 * true[0], 0.5 * scale * (simulated[11] + simulated[12]))
+    band = (0.9 * true[0], 0.5 * scale * (simulated[highest - 1] + simulated[highest]))
     seen = np.flatnonzero((true > band[0]) & (true < band[1]))
     kept = rng.permutation(seen)[: seen.size - missing]
     stray = np.exp(rng.uniform(np.log(band[0]), np.log(band[1]), size=spurious))
@@ -247,11 +249,18 @@ def test_the_probability_of_a_labelling_is_how_often_it_is_right(model_sd: float
     assert abs(right.sum() - promised.sum()) < 3 * np.sqrt(np.sum(promised * (1 - promised)))
 
 
-def test_few_scales_of_many_hold_the_one_at_which_most_lines_meet_their_modes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(assignment, "_SCALES", 40)
-    one = case(3, 1e-4)
+def test_of_many_scales_those_are_tried_that_most_others_are_near() -> None:
+    rng = np.random.default_rng(20261126)
+    spread = rng.uniform(-1, 1, 3 * assignment.MOST_SCALES)
+    near = 0.3 + 1e-5 * rng.standard_normal(30)
+    found = assignment.likely_scales(np.sort(np.concatenate([spread, near])), 1e-4)
+    assert found.size == assignment.MOST_SCALES
+    assert np.abs(found - 0.3).min() < 1e-4
+
+
+def test_few_scales_of_many_hold_the_one_at_which_most_lines_meet_their_modes() -> None:
+    one = case(3, 1e-4, highest=36)
+    assert one.lines.size * one.simulated.size > assignment.MOST_SCALES
     found = assign(one.lines, np.full(one.lines.size, 5.0), one.labels, one.simulated, one.band)
     assert list(found.best.label) == one.truth
 

@@ -248,15 +248,14 @@ def test_meshes_of_more_triangles_than_a_chunk_are_walked_over_completely() -> N
     )
 
 
-def test_entries_summed_on_the_way_make_the_same_matrix(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_entries_summed_on_the_way_make_the_same_matrix() -> None:
     rng = np.random.default_rng(1)
     locals_ = rng.standard_normal((5, 7, 3, 3))
     dofs = rng.integers(0, 9, (5, 7, 3))
     expected = np.zeros((9, 9))
     for local, at in zip(locals_.reshape(-1, 3, 3), dofs.reshape(-1, 3), strict=True):
         np.add.at(expected, (at[:, None], at[None, :]), local)
-    monkeypatch.setattr(forms, "SUMMED", 100)
-    total = forms.Assembly(9)
+    total = forms.Assembly(9, held=100)
     for local, at in zip(locals_, dofs, strict=True):
         total.add(local, at)
     assert total.matrix().toarray() == pytest.approx(expected, abs=1e-12)

@@ -26,9 +26,7 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def progress(monkeypatch: pytest.MonkeyPatch) -> Progress:
     """Progress that waits hundredths of seconds."""
-    monkeypatch.setattr(_output, "FIRST_WORD", SOON)
-    monkeypatch.setattr(_output, "TICK", SOON / 10)
-    found = Progress()
+    found = Progress(first_word=SOON, tick=SOON / 10)
     monkeypatch.setattr(_output, "PROGRESS", found)
     return found
 
@@ -57,7 +55,7 @@ def test_what_is_said_meanwhile_puts_the_word_off(
 ) -> None:
     errors = io.StringIO()
     monkeypatch.setattr(sys, "stderr", errors)
-    monkeypatch.setattr(_output, "FIRST_WORD", 10 * SOON)
+    progress.first_word = 10 * SOON
     with progress.watch("femnl fit f.nc"):
         for _ in range(30):
             Event().wait(SOON / 2)

@@ -21,7 +21,7 @@ _KEPT = 60  # labellings whose neighbours are looked at in each round
 _CHANGED = 2400
 """Of these labellings times lines, at most: neighbours grow with the lines, and their price too."""
 _FEWEST_KEPT = 6
-_SCALES = 1200
+MOST_SCALES = 1200
 """Scales that are tried for each reach; of more, those at which most lines meet a mode."""
 _REACHES = (3e-4, 3e-3, 2e-2)
 """How far the lines of a tight and of a loose simulation are from their modes, relative."""
@@ -219,24 +219,24 @@ def _seeds(posterior: _Posterior) -> set[Choice]:
     seeds = {(-1,) * posterior.lines.size}
     all_scales = (posterior.lines[:, None] - posterior.modes).ravel()
     for reach in _REACHES:
-        for scale in _likely(np.sort(all_scales), reach):
+        for scale in likely_scales(np.sort(all_scales), reach):
             away = np.abs(posterior.lines[:, None] - posterior.modes[None] - scale)
             seeds.add(_greedy(np.where(away < reach, away, np.inf)))
     return seeds
 
 
-def _likely(scales: Array, reach: float) -> Array:
+def likely_scales(scales: Array, reach: float) -> Array:
     """Return the scales that most others are within reach of, all where they are few.
 
     Args: scales: of all pairs of line and mode, sorted (n,). Of those that lie within half of the
     reach of each other one stands for all.
     """
-    if scales.size <= _SCALES:
+    if scales.size <= MOST_SCALES:
         return scales
     meet = np.searchsorted(scales, scales + reach) - np.searchsorted(scales, scales - reach)
     order = np.argsort(-meet, kind="stable")
     _, first = np.unique(np.floor(2 * scales[order] / reach), return_index=True)
-    return np.asarray(scales[order[np.sort(first)[:_SCALES]]])
+    return np.asarray(scales[order[np.sort(first)[:MOST_SCALES]]])
 
 
 def _greedy(away: Array) -> Choice:

@@ -80,7 +80,7 @@ def _walk_heaps(path: Path) -> None:
     if path.stat().st_size == 0:  # which cannot be mapped, and is refused as foreign
         return
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-        for start in _collections(file.fileno()):
+        for start in collections(file.fileno()):
             at = start + 16
             end = start + int.from_bytes(data[start + 8 : start + 16], "little")
             while at + 16 <= min(end, len(data)):
@@ -94,7 +94,7 @@ def _walk_heaps(path: Path) -> None:
                 at += step
 
 
-def _collections(descriptor: int) -> Iterator[int]:
+def collections(descriptor: int) -> Iterator[int]:
     """Yield where collections of texts begin in an open file.
 
     Parts that were never written are passed over: a file may declare more of them than a disk

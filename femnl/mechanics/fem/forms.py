@@ -182,12 +182,13 @@ class Term:
 class Assembly:
     """A sparse matrix gathered from local ones.
 
-    When `SUMMED` entries have come together they are summed, which bounds the memory of a mesh of
-    any size.
+    When more than `held` entries have come together they are summed, which bounds the memory of a
+    mesh of any size.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, held: int = SUMMED) -> None:
         self._size = size
+        self._held = held
         self._parts: list[tuple[Array, NDArray[np.int32], NDArray[np.int32]]] = []
         self._entries = 0
         self._summed = csc_matrix((size, size))
@@ -198,7 +199,7 @@ class Assembly:
         columns = np.broadcast_to(dofs[:, None, :], local.shape).astype(np.int32)
         self._parts.append((local.ravel(), rows.ravel(), columns.ravel()))
         self._entries += local.size
-        if self._entries > SUMMED:
+        if self._entries > self._held:
             self._summed = self.matrix()
             self._parts = []
             self._entries = 0
