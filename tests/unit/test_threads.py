@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from femnl import load, solve_modes
 from femnl.core.modes import Modes
 from femnl.core.processes import one_blas_thread
-from femnl.mechanics.modes import counterparts, solve
+from femnl.mechanics.modes import counterparts
 
 
 def blas_threads() -> int:
@@ -18,7 +18,7 @@ def blas_threads() -> int:
 
 def test_modes_are_solved_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: set[int] = set()
-    align = solve.align
+    align = counterparts.align
 
     def watched(coarse: Modes, fine: Modes) -> Modes:
         seen.add(blas_threads())

@@ -1,10 +1,9 @@
 """Prestressed modes: frequencies, effective masses, shapes and labels."""
 
-from femnl.mechanics.modes.counterparts import certified, with_counterparts
+from femnl.mechanics.modes.counterparts import align, certified, with_counterparts
 from femnl.mechanics.modes.near import solve_modes_near
 from femnl.mechanics.modes.points import ShapeValues, shape_at, shapes_at
 from femnl.mechanics.modes.solve import (
-    align,
     solve_modes,
     solve_pencil,
     solve_sectors,
