@@ -22,50 +22,11 @@ from scipy.special import logsumexp
 
 from femnl.chip.mixture import LOG2PI, TINY, Mixture
 from femnl.chip.scales import FIELDS, PLANE, TERMS, Scales, grid
+from femnl.chip.sums import Sums, sums_of
 from femnl.chip.values import Array, Integers, Values
 
 MEAN_SD = 20.0
 """Standard deviation of the prior of a group's mean about its median, in the same unit."""
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Sums over the entries of each device, or of several devices, for every pair of τ and κ.
-
-    W is the inverse covariance of a device's entries without means and variation, U their features.
-
-    information: UᵀWU, (pairs, devices, r, r). projection: UᵀWy, (pairs, devices, r). square: yᵀWy
-    and log_determinant: ln|W|, (pairs, devices). count: entries, (devices,). Without the axis of
-    the devices where they are summed over.
-    """
-
-    information: Array
-    projection: Array
-    square: Array
-    log_determinant: Array
-    count: Integers
-
-    @cached_property
-    def total(self) -> "Sums":
-        """The sums over all devices."""
-        return Sums(
-            self.information.sum(axis=1),
-            self.projection.sum(axis=1),
-            self.square.sum(axis=1),
-            self.log_determinant.sum(axis=1),
-            self.count.sum(),
-        )
-
-    def without(self, device: int) -> "Sums":
-        """Return the sums over all devices but one, by its place in the order."""
-        total = self.total
-        return Sums(
-            total.information - self.information[:, device],
-            total.projection - self.projection[:, device],
-            total.square - self.square[:, device],
-            total.log_determinant - self.log_determinant[:, device],
-            total.count - self.count[device],
-        )
 
 
 @dataclass(frozen=True)
@@ -147,31 +108,15 @@ class Hierarchy:
     def sums(self) -> Sums:
         """Sums over the entries of each device."""
         v = self.values
-        features = self.features(v)
-        y = v.y - self.reference(v)
         pairs = {int(k): i for i, k in enumerate(self.scales.noise)}
-        spread = np.array([self.scales.spread[pairs[k]] for k in range(len(pairs))])
-        mode_spread = np.array([self.scales.mode_spread[pairs[k]] for k in range(len(pairs))])
-        shape = (len(spread), len(self.devices))
-        r = features.shape[1]
-        found = Sums(
-            np.empty((*shape, r, r)),
-            np.empty((*shape, r)),
-            np.empty(shape),
-            np.empty(shape),
-            np.array([int((v.device == device).sum()) for device in self.devices]),
+        first = [pairs[k] for k in range(len(pairs))]
+        return sums_of(
+            v,
+            v.y - self.reference(v),
+            self.features(v),
+            self.scales.spread[first],
+            self.scales.mode_spread[first],
         )
-        for n, device in enumerate(self.devices):
-            own = v.device == device
-            u = features[own]
-            own_noise = mode_spread[:, None] ** 2 + v.sd[own] ** 2
-            noise = own_noise[:, :, None] * np.eye(len(u)) + spread[:, None, None] ** 2
-            inverse = np.linalg.inv(noise)
-            found.information[:, n] = np.einsum("ia,kij,jb->kab", u, inverse, u)
-            found.projection[:, n] = np.einsum("ia,kij,j->ka", u, inverse, y[own])
-            found.square[:, n] = np.einsum("i,kij,j->k", y[own], inverse, y[own])
-            found.log_determinant[:, n] = np.linalg.slogdet(inverse)[1]
-        return found
 
     def reference(self, of: Values) -> Array:
         """Return what y of entries is counted from.

@@ -15,7 +15,7 @@ import numpy as np
 
 from femnl.chip import fit_chip
 from femnl.chip.members import Chip, Member, Number
-from tests.blind.counts import Record, rated
+from tests.blind.counts import Events, Record
 from tests.blind.draws import study
 
 SHAPES = ("none", "plane", "bowl", "wave")
@@ -182,30 +182,28 @@ TARGETS: dict[str, tuple[str, float]] = {
 
 def score(records: list[Record]) -> dict[str, Any]:
     """Return the rates, with 95 % intervals, of all chips and by the form of their variation."""
-    hits: dict[str, list[tuple[str, bool]]] = {}
-
-    def count(name: str, record: Record, hit: bool) -> None:
-        hits.setdefault(name, []).append((record["shape"], hit))
-
+    events = Events()
     for r in records:
         for device in r["odd"]:
-            count("hidden device named", r, device in r["named"])
+            events.count("hidden device named", r["shape"], device in r["named"])
             if r["hidden"] == "exchanged":
                 told = r["named"].get(device) == "mislabelled"
-                count("exchanged names told", r, told)
+                events.count("exchanged names told", r["shape"], told)
         if not r["odd"]:
-            count("chip with nothing hidden: a device named", r, bool(r["named"]))
+            events.count("chip with nothing hidden: a device named", r["shape"], bool(r["named"]))
         for device in r["named"]:
-            count("device named that is none", r, device not in r["odd"])
+            events.count("device named that is none", r["shape"], device not in r["odd"])
         none = r["shape"] == "none"
         of_field = (
             "variation found where there is none" if none else "variation of 5σ and more found"
         )
-        count(of_field, r, r["varies"] > VARIES)
+        events.count(of_field, r["shape"], r["varies"] > VARIES)
         for held in r["held"]:
-            count("68 % intervals hold", r, held)
-        count("worse than 1.05 of the design's mean", r, r["error"] > 1.05 * r["plain"])
-    return {name: rated(found, TARGETS.get(name)) for name, found in hits.items()}
+            events.count("68 % intervals hold", r["shape"], held)
+        events.count(
+            "worse than 1.05 of the design's mean", r["shape"], r["error"] > 1.05 * r["plain"]
+        )
+    return events.rates(TARGETS)
 
 
 if __name__ == "__main__":

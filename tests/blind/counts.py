@@ -30,19 +30,28 @@ def rate(hits: Sequence[bool]) -> dict[str, Any]:
     return {"n": n, "k": k, "rate": k / n, "interval": [float(low), float(high)]}
 
 
-def rated(found: Sequence[tuple[str, bool]], target: tuple[str, float] | None) -> dict[str, Any]:
-    """Return a rate with its target, where it has one, and the rates by kind.
+class Events:
+    """Events of a study: of each, the kinds of the cases it was counted in, and whether it came."""
 
-    found: the kind of each case, and whether it is a hit.
-    """
-    whole = rate([hit for _, hit in found])
-    if target is not None:
-        whole["target"] = target
-    whole["by_kind"] = {
-        kind: rate([hit for own, hit in found if own == kind])
-        for kind in sorted({own for own, _ in found})
-    }
-    return whole
+    def __init__(self) -> None:
+        self._found: dict[str, list[tuple[str, bool]]] = {}
+
+    def count(self, event: str, kind: str, came: bool) -> None:
+        """Count one case of an event."""
+        self._found.setdefault(event, []).append((kind, came))
+
+    def rates(self, targets: Mapping[str, tuple[str, float]]) -> dict[str, Any]:
+        """Return the rate of each event, its target where it has one, and the rates by kind."""
+        rates = {}
+        for event, cases in self._found.items():
+            rates[event] = rate([came for _, came in cases])
+            if event in targets:
+                rates[event]["target"] = targets[event]
+            rates[event]["by_kind"] = {
+                kind: rate([came for own, came in cases if own == kind])
+                for kind in sorted({own for own, _ in cases})
+            }
+        return rates
 
 
 def confusion(records: Iterable[Record], told: Told, naming: Sequence[str]) -> dict[str, Any]:

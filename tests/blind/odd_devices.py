@@ -12,7 +12,7 @@ import numpy as np
 
 from femnl.chip import fit_chip
 from femnl.chip.members import Chip, Member, Number
-from tests.blind.counts import Record, rated
+from tests.blind.counts import Events, Record
 from tests.blind.draws import study
 from tests.blind.lab import KINDS
 from tests.blind.lab.bench import sized
@@ -117,27 +117,25 @@ TARGETS: dict[str, tuple[str, float]] = {
 
 def score(records: list[Record]) -> dict[str, Any]:
     """Return the rates with 95 % intervals, and those of single causes."""
-    hits: dict[str, list[tuple[str, bool]]] = {}
-
-    def count(name: str, record: Record, hit: bool) -> None:
-        hits.setdefault(name, []).append((record["cause"], hit))
-
+    events = Events()
     for r in records:
         odd = r["stands_out"] >= STANDS_OUT
         told = r["named"].get(ODD, "")
         causes = [name for name in told.split(" + ") if name in CAUSES]
         if odd:
-            count("odd device named", r, bool(told))
-        count("an ordinary device named", r, any(name != ODD for name in r["named"]))
+            events.count("odd device named", r["cause"], bool(told))
+        events.count(
+            "an ordinary device named", r["cause"], any(name != ODD for name in r["named"])
+        )
         if r["cause"] == OTHER_STRESS:
-            count("other stress given no cause", r, not causes)
+            events.count("other stress given no cause", r["cause"], not causes)
             continue
         alike = r["cause"] in told.split(" + ") or f"{r['cause']}," in r["words"]
         alike = alike or f"{r['cause']} may do the same" in r["words"]
         if odd:
-            count("cause named, or among its equals", r, alike)
-        count("wrong cause named", r, bool(causes) and not alike)
-    return {name: rated(found, TARGETS.get(name)) for name, found in hits.items()}
+            events.count("cause named, or among its equals", r["cause"], alike)
+        events.count("wrong cause named", r["cause"], bool(causes) and not alike)
+    return events.rates(TARGETS)
 
 
 if __name__ == "__main__":
