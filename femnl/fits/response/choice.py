@@ -87,7 +87,7 @@ def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, 
     if len(tried) > 1 and not any(fits.met for fits in tried.values()):
         likely = likely_sign(sweeps)
         linear = min(fits.least for fits in tried.values())
-        # What bends no resonance needs no search for folds
+        # Where linear models decide, folds need no search
         open_signs = (likely, -likely) if not _clear(tried, likely) else ()
         for fits in (tried[sign] for sign in open_signs):
             fits.fit_across_folds()
