@@ -1,6 +1,10 @@
 """Is a model adequate? One p-value for all score tests."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm
 
 from femnl.core.readout import Array
@@ -15,89 +19,147 @@ CERTAIN = 1e-6
 """p-value, by Bonferroni's inequality, below which none is simulated."""
 EXACT = 5000
 """Residuals up to which whole sets of them are drawn; beyond, only what tests see of them."""
+BESIDE = ("chi-square", "outlier", "neighbours")
+"""Tests of any residuals, beside those of directions and effects."""
 
 
-def adequacy(result: FitResult, found: list[ScoreTest]) -> tuple[float, str]:
-    """Return the calibrated p-value of a model, and the test that speaks most against it.
+@dataclass(frozen=True)
+class Adequacy:
+    """How well the tests of its residuals speak for a model.
 
     The statistic is the smallest p-value of all tests: χ², every direction and effect, the largest
     outlier, and the correlation of neighbours. Its distribution follows from residuals simulated by
     the model itself: what white noise leaves beside the tangents.
+
+    found: tests of directions and effects.
     """
-    seen = _p_values(result.residuals[None], result.degrees, found)[0]
-    names = [*(test.name for test in found), "chi-square", "outlier", "neighbours"]
-    k = int(np.argmin(seen))
-    bound = float(seen[k]) * len(names)
-    if bound < CERTAIN:
-        return bound, names[k]
-    rng = np.random.default_rng(20)
-    drawn = (
-        _simulated(result, found, rng)
-        if len(result.residuals) <= EXACT
-        else _simulated_large(result, found, rng)
-    )
-    smallest = np.sort(drawn.min(axis=1))
-    below = int(np.searchsorted(smallest, seen[k], side="right"))
-    if below >= TAIL:
-        return below / N_DRAWS, names[k]
-    # In the far tail the tests are as good as exclusive, so that p is proportional to the smallest
-    # p-value.
-    return float(min(1.0, seen[k] * TAIL / N_DRAWS / smallest[TAIL - 1])), names[k]
+
+    result: FitResult
+    found: list[ScoreTest]
+
+    def p_value(self, factor: float = 1.0) -> tuple[float, str]:
+        """Return the calibrated p-value of the model, and the test that speaks most against it.
+
+        Args: factor: noise over the stated one.
+        """
+        least, worst = self._least(factor)
+        bound = least * (len(self.found) + len(BESIDE))
+        if bound < CERTAIN:
+            return bound, worst
+        below = int(np.searchsorted(self._simulated, least, side="right"))
+        if below >= TAIL:
+            return below / N_DRAWS, worst
+        # In the far tail the tests are as good as exclusive, so that p is proportional to the
+        # smallest p-value.
+        return float(min(1.0, least * TAIL / N_DRAWS / self._simulated[TAIL - 1])), worst
+
+    def bound(self, count: int, factor: float = 1.0) -> tuple[float, str]:
+        """Return a bound of the p-value by Bonferroni, and the test that speaks most against it.
+
+        Args: count: tests to allow for, beside those of any residuals. factor: noise over the
+            stated one.
+        """
+        least, worst = self._least(factor)
+        return least * (count + len(BESIDE)), worst
+
+    def _least(self, factor: float) -> tuple[float, str]:
+        """Return the smallest p-value of all tests, and the name of its test."""
+        residuals = self.result.residuals[None] / factor
+        squares = _squares(residuals, self.found)[0]
+        of_tests = [
+            float(chi_square_tail(square, len(test.basis)))
+            for square, test in zip(squares, self.found, strict=True)
+        ]
+        seen = [*of_tests, *_beside(residuals, self.result.degrees)[0]]
+        k = int(np.argmin(seen))
+        names = [*(test.name for test in self.found), *BESIDE]
+        return float(seen[k]), names[k]
+
+    @cached_property
+    def _simulated(self) -> Array:
+        """Smallest p-values (N_DRAWS,) of simulated residuals, in rising order.
+
+        Noise of another size gives the same ones, but for values so close that it ranks them.
+        """
+        rng = np.random.default_rng(20)
+        long = len(self.result.residuals) > EXACT
+        drawn = self._of_what_tests_see(rng) if long else self._of_residuals(rng)
+        return np.sort(drawn)
+
+    def _of_residuals(self, rng: np.random.Generator) -> Array:
+        """Draw residuals as white noise beside the model's tangents, and test them.
+
+        They are ranked as the data are.
+        """
+        result = self.result
+        own, _ = np.linalg.qr(result.jacobian[:, result.free])
+        noise = rng.standard_normal((N_DRAWS, len(result.residuals)))
+        for ranked in result.model.base_model.ranked:
+            ranked.rank(result.residuals, noise)
+        left = noise - (noise @ own) @ own.T
+        of_tests = _smallest(_squares(left, self.found), self._sizes)
+        others = _beside(left, result.degrees).min(axis=1)
+        return np.asarray(np.minimum(of_tests, others))
+
+    def _of_what_tests_see(self, rng: np.random.Generator) -> Array:
+        """Return the same for long data, drawn in the space that the tests span.
+
+        Outlier and neighbours are as good as independent of it.
+        """
+        degrees = self.result.degrees
+        basis = np.concatenate([test.basis for test in self.found])
+        values, vectors = np.linalg.eigh(basis @ basis.T)
+        kept = values > 1e-10
+        drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
+        squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
+        of_tests = _smallest(_summed(squares, self._sizes), self._sizes)
+        total = np.sum(drawn**2, axis=1) + rng.chisquare(degrees - int(kept.sum()), N_DRAWS)
+        others = rng.uniform(size=(N_DRAWS, 2)).min(axis=1)
+        of_sum = chi_square_tail(total, degrees)
+        return np.asarray(np.min([of_tests, of_sum, others], axis=0))
+
+    @cached_property
+    def _sizes(self) -> NDArray[np.int64]:
+        """Degrees of freedom of each test."""
+        return np.array([len(test.basis) for test in self.found], dtype=np.int64)
 
 
-def _p_values(residuals: Array, degrees: int, found: list[ScoreTest]) -> Array:
-    """Return the p-values of every test, (m, n_tests + 3).
-
-    The last three are those of χ², of the largest outlier and of the neighbours' correlation.
-    """
-    n = residuals.shape[1]
-    columns = [*_tested(residuals, found).T]
-    columns.append(chi_square_tail(np.sum(residuals**2, axis=1), degrees))
-    largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
-    # Data without noise: the logarithm of 0 is what it should be
-    with np.errstate(divide="ignore"):
-        columns.append(-np.expm1(n * np.log1p(-2 * norm.sf(largest))))
-    neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
-    columns.append(2 * norm.sf(neighbours))
-    return np.stack(columns, axis=1)
-
-
-def _tested(residuals: Array, found: list[ScoreTest]) -> Array:
-    """Return the p-values (m, n_tests) of score tests alone."""
+def _squares(residuals: Array, found: list[ScoreTest]) -> Array:
+    """Return what tests of directions and effects see of residuals (m, n): χ² (m, n_tests)."""
     if not found:
         return np.empty((len(residuals), 0))
     # In one product: a long row is read once for all tests
     squares = (residuals @ np.concatenate([test.basis for test in found]).T) ** 2
-    sizes = np.array([len(test.basis) for test in found])
-    return chi_square_tail(np.add.reduceat(squares, np.cumsum(sizes) - sizes, axis=1), sizes)
+    return _summed(squares, np.array([len(test.basis) for test in found]))
 
 
-def _simulated(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:
-    """Draw residuals as white noise beside the model's tangents, and test them.
+def _summed(squares: Array, sizes: NDArray[np.int64]) -> Array:
+    """Return the sums (m, n_tests) of squares along the directions of each test."""
+    if len(sizes) == 0:
+        return squares
+    return np.asarray(np.add.reduceat(squares, np.cumsum(sizes) - sizes, axis=1))
 
-    They are ranked as the data are.
+
+def _smallest(squares: Array, sizes: NDArray[np.int64]) -> Array:
+    """Return the smallest p-value (m,) of tests whose χ² are squares (m, n_tests).
+
+    Of tests with the same degrees of freedom it is that of the largest χ².
     """
-    own, _ = np.linalg.qr(result.jacobian[:, result.free])
-    noise = rng.standard_normal((N_DRAWS, len(result.residuals)))
-    for ranked in result.model.base_model.ranked:
-        ranked.rank(result.residuals, noise)
-    return _p_values(noise - (noise @ own) @ own.T, result.degrees, found)
+    smallest = np.ones(len(squares))
+    for degrees in np.unique(sizes):
+        largest = squares[:, sizes == degrees].max(axis=1)
+        smallest = np.minimum(smallest, chi_square_tail(largest, int(degrees)))
+    return smallest
 
 
-def _simulated_large(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:
-    """Return the same for long data, drawn in the space that the tests span.
-
-    Outlier and neighbours are as good as independent of it.
-    """
-    basis = np.concatenate([test.basis for test in found])
-    values, vectors = np.linalg.eigh(basis @ basis.T)
-    kept = values > 1e-10
-    drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
-    squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
-    ends = np.cumsum([len(test.basis) for test in found])
-    sizes = np.diff(ends, prepend=0)
-    tested = chi_square_tail(np.add.reduceat(squares, ends - sizes, axis=1), sizes)
-    total = np.sum(drawn**2, axis=1) + rng.chisquare(result.degrees - int(kept.sum()), N_DRAWS)
+def _beside(residuals: Array, degrees: int) -> Array:
+    """Return the p-values (m, 3) of χ², of the largest outlier and of neighbours' correlation."""
+    n = residuals.shape[1]
+    largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
+    # Data without noise: the logarithm of 0 is what it should be
+    with np.errstate(divide="ignore"):
+        outlier = -np.expm1(n * np.log1p(-2 * norm.sf(largest)))
+    neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
     return np.column_stack(
-        [tested, chi_square_tail(total, result.degrees), rng.uniform(size=(N_DRAWS, 2))]
+        [chi_square_tail(np.sum(residuals**2, axis=1), degrees), outlier, 2 * norm.sf(neighbours)]
     )

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from femnl.core.effect import Effect
-from femnl.diagnose.adequacy import adequacy
+from femnl.diagnose.adequacy import Adequacy
 from femnl.diagnose.multistart import unlike
 from femnl.diagnose.score_tests import ScoreTest, score_tests
 from femnl.diagnose.thresholds import THRESHOLDS
@@ -28,12 +28,26 @@ class Pointer:
 
 
 @dataclass(frozen=True)
+class FirstTests:
+    """Score tests that are made of a set before all others.
+
+    Most sets leave what the base model points to, and all shapes of all effects take a hundred
+    times longer than the one of each to which it points most.
+
+    shapes: by name of each effect. n_tests: number of all tests.
+    """
+
+    shapes: dict[str, dict[str, float]]
+    n_tests: int
+
+
+@dataclass(frozen=True)
 class Candidate:
     """A fitted set of causes.
 
     Its p-value, the score test that speaks most against it, and where its residuals point
-    (None: not tested). p_value_scaled: that if its χ² is all noise, larger than stated; NaN where
-    neighbours tell the noise.
+    (None: not sought). p_value_scaled: that if its χ² is all noise, larger than stated; NaN where
+    neighbours tell the noise. n_tests: score tests that were made.
     """
 
     result: FitResult
@@ -41,11 +55,18 @@ class Candidate:
     worst: str
     pointers: tuple[Pointer, ...] | None
     p_value_scaled: float = np.nan
+    n_tests: int = 0
+
+    @property
+    def first_tests(self) -> FirstTests:
+        """Those of what the set points to most."""
+        shapes = {pointer.effect.name: pointer.shapes[0] for pointer in self.pointers or ()}
+        return FirstTests(shapes, self.n_tests)
 
     @property
     def factor(self) -> float:
         """Standard deviation over the stated one, if χ² is all noise."""
-        return float(np.sqrt(self.result.chi2 / self.result.degrees))
+        return _factor(self.result)
 
     @property
     def names(self) -> Names:
@@ -118,23 +139,77 @@ def weight_if_noisier(weight: float, result: FitResult) -> float:
     return weight + chi2 / 2 + marginal + float(np.log(THRESHOLDS.wrong_noise_odds))
 
 
-def criticise(result: FitResult, library: list[Effect]) -> Candidate:
-    """Look at the residuals in every way, the effects that the model lacks included."""
-    mine = {effect.name for effect in result.model.effects}
-    others = [effect for effect in library if effect.name not in mine]
+def criticise(
+    result: FitResult, library: list[Effect], first: FirstTests | None = None
+) -> Candidate:
+    """Look at the residuals in every way, the effects that the model lacks included.
+
+    Args: first: tests that come before all others, and end it where they refute the set.
+    """
+    others = _others(result, library)
+    if first is not None:
+        refuted = _refuted(result, others, first)
+        if refuted is not None:
+            return refuted
     found = score_tests(result, others)
-    p_value, worst = adequacy(result, found)
+    adequacy = Adequacy(result, found)
+    p_value, worst = adequacy.p_value()
     pointers = tuple(_pointers(result, found, others))
     as_noise = np.nan
-    if not result.model.base_model.tells_noise:
-        as_noise = adequacy(scaled(result), found)[0]
-    return Candidate(result, p_value, worst, pointers, as_noise)
+    if _noise_may_be_larger(result):
+        as_noise = adequacy.p_value(_factor(result))[0]
+    return Candidate(result, p_value, worst, pointers, as_noise, len(found))
+
+
+def glance(result: FitResult, library: list[Effect], first: FirstTests) -> Candidate:
+    """Return a set with the p-value of the first tests alone."""
+    p_value, worst = Adequacy(result, _first(result, _others(result, library), first)).p_value()
+    return Candidate(result, p_value, worst, None)
+
+
+def _refuted(result: FitResult, others: list[Effect], first: FirstTests) -> Candidate | None:
+    """Return a set that a few score tests refute; None where they do not.
+
+    Its p-values are bounds, which allow for all tests.
+    """
+    adequacy = Adequacy(result, _first(result, others, first))
+    p_value, worst = adequacy.bound(first.n_tests)
+    as_noise = np.nan
+    if _noise_may_be_larger(result):
+        as_noise = adequacy.bound(first.n_tests, _factor(result))[0]
+    if np.nanmax([p_value, as_noise]) >= THRESHOLDS.chance_excluded / 10:
+        return None
+    return Candidate(result, p_value, worst, None, as_noise)
+
+
+def _first(result: FitResult, others: list[Effect], first: FirstTests) -> list[ScoreTest]:
+    told = [effect for effect in others if effect.name in first.shapes]
+    return score_tests(result, told, first.shapes)
+
+
+def _others(result: FitResult, library: list[Effect]) -> list[Effect]:
+    """Return the effects that a model lacks."""
+    mine = {effect.name for effect in result.model.effects}
+    return [effect for effect in library if effect.name not in mine]
+
+
+def _noise_may_be_larger(result: FitResult) -> bool:
+    """Whether what a model leaves may be noise, larger than stated.
+
+    No neighbours tell the noise, and several causes leave what looks like noise whatever the data.
+    """
+    return not result.model.base_model.tells_noise and len(result.model.effects) <= 1
 
 
 def scaled(result: FitResult) -> FitResult:
     """Return a fit whose noise is as large as its χ² says."""
-    factor = max(float(np.sqrt(result.chi2 / result.degrees)), 1e-300)
+    factor = _factor(result)
     return replace(result, residuals=result.residuals / factor, jacobian=result.jacobian / factor)
+
+
+def _factor(result: FitResult) -> float:
+    """Return the noise over the stated one, if χ² is all noise."""
+    return max(float(np.sqrt(result.chi2 / result.degrees)), 1e-300)
 
 
 def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:

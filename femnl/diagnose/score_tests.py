@@ -1,6 +1,6 @@
 """Score tests: the causes and patterns to which the residuals of a fit point."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -57,10 +57,14 @@ class ScoreTest:
         ]
 
 
-def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
+def score_tests(
+    result: FitResult, library: list[Effect], shapes: Mapping[str, Values] | None = None
+) -> list[ScoreTest]:
     """Return every score test of the residuals.
 
     Each pattern of the model is tested once, and each effect at each of its trial shapes.
+
+    Args: shapes: by name of each effect, the values of its parameters whose shape alone is tested.
     """
     own, _ = np.linalg.qr(result.jacobian[:, result.free])
     base_model = result.model.base_model
@@ -85,7 +89,8 @@ def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
     for effect in library:
         if any(spec.strength for spec in effect.parameters):
             here, *there = (
-                _effect_tests(result, own, effect, place, values) for place in (base, *others)
+                _effect_tests(result, own, effect, place, values, shapes)
+                for place in (base, *others)
             )
             found += here
             found += [
@@ -124,12 +129,17 @@ class _Range:
 
 
 def _effect_tests(
-    result: FitResult, own: Array, effect: Effect, base: Values, values: Sequence[Values]
+    result: FitResult,
+    own: Array,
+    effect: Effect,
+    base: Values,
+    values: Sequence[Values],
+    shapes: Mapping[str, Values] | None,
 ) -> list[ScoreTest]:
     """Return the tests of an effect at small strength, one for each of its shapes that shows.
 
     Args: own: orthonormal tangents (n, p) of the model. base, values: the parameters of the base
-        model and of the model's effects, at which the effect is tried.
+        model and of the model's effects, at which the effect is tried. shapes: as `score_tests`.
     """
     wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     low, high = wider.bounds
@@ -143,7 +153,8 @@ def _effect_tests(
     target = max(0.1, SECANT * max(excess, 0.0) ** 0.5)
     steps = {one.spec.name: 1e-6 * one.high for one in strengths}
     found = []
-    for shape in _trial_shapes([one for one in ranges if not one.spec.strength]):
+    shaping = [one for one in ranges if not one.spec.strength]
+    for shape in _trial_shapes(shaping) if shapes is None else [_of(shaping, shapes[effect.name])]:
         idle = shape | {one.spec.name: 0.0 for one in strengths}
 
         def change(name: str, strength: float, idle: Values = idle) -> Array:
@@ -181,6 +192,11 @@ def _trial_shapes(ranges: list[_Range]) -> list[dict[str, float]]:
         {one.spec.name: _at(one.spec, one.low, one.high, part) for one, part in pairs}
         for pairs in (list(zip(ranges, row, strict=True)) for row in parts)
     ]
+
+
+def _of(ranges: list[_Range], values: Values) -> dict[str, float]:
+    """Return those values that are of some parameters."""
+    return {one.spec.name: float(values[one.spec.name]) for one in ranges}
 
 
 def _effect_test(

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import Effect
 from femnl.diagnose.afar import PAIR, from_afar
-from femnl.diagnose.candidate import Candidate, Names, criticise, job, names_of
+from femnl.diagnose.candidate import Candidate, Names, criticise, glance, job, names_of
 from femnl.diagnose.multistart import (
     extended,
     replaced,
@@ -24,6 +24,7 @@ from femnl.diagnose.search_rules import (
     leaves_other_noise,
     may_be_noisier,
     needs_global_search,
+    outweighed,
     settled,
     takes_up_nearly_all,
     worth_extending,
@@ -70,10 +71,13 @@ def search(
         if settled(grown):
             short = [c for c in grown.values() if falls_short(c, base)]
             return _simpler(
-                [*found, *_kept(grown, run(_seeking(short)), library, run).values()], library, run
+                [*found, *_kept(grown, run(_seeking(short)), found, library, run).values()],
+                library,
+                run,
             )
         if size < PAIR or not takes_up_nearly_all(grown, base):
-            grown = _kept(grown, _sought_anew(grown, found, size, library, run), library, run)
+            sought = _sought_anew(grown, found, size, library, run)
+            grown = _kept(grown, sought, found, library, run)
         found += grown.values()
         if size == 0 and leaves_other_noise(grown, base, other_noise):
             break
@@ -101,7 +105,7 @@ def refitted(
             job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
             for c in kept
         ]
-        grown = _kept({}, run(fits), library, run)
+        grown = _kept({}, run(fits), found, library, run)
         found += grown.values()
         if settled(grown):  # as in a search, no larger ones
             break
@@ -133,7 +137,7 @@ def _grown(
     grown: dict[Names, Candidate] = {}
     done = list[Candidate]()
     while parents:
-        grown = _kept(grown, run(_growing(parents, library)), library, run)
+        grown = _kept(grown, run(_growing(parents, library)), found, library, run)
         done += parents
         parents = []
         if size == PAIR and (needs_global_search(found) or settled(grown)):
@@ -180,7 +184,7 @@ def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Ca
             names = tuple(sorted(effect.name for effect in fewer.effects))
             before = kept.get(names)
             again = fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=result)
-            kept = _kept(kept, [again], library, run)
+            kept = _kept(kept, [again], found, library, run)
             if kept[names] is not before and kept[names].viable and len(names) > 1:
                 todo.append(kept[names])
     return list(kept.values())
@@ -215,13 +219,16 @@ def _looked_at(candidates: list[Candidate], library: list[Effect], run: Run) -> 
 def _kept(
     grown: dict[Names, Candidate],
     results: Iterable[FitResult | None],
+    found: list[Candidate],
     library: list[Effect],
     run: Run,
 ) -> dict[Names, Candidate]:
     """Return what was known and what was fitted: the best fit of each set of causes, criticised.
 
     A set that χ² alone rules out is not criticised, but for one cause that may leave noise which is
-    larger than stated.
+    larger than stated. One that fewer causes outweigh is glanced at.
+
+    Args: found: the base model first, and sets of fewer causes.
     """
     best: dict[Names, FitResult] = {}
     for result in (result for result in results if result is not None):
@@ -238,7 +245,12 @@ def _kept(
         for c in plain.values()
         if c.p_value >= THRESHOLDS.chance_excluded / 10 or may_be_noisier(c)
     ]
-    return grown | plain | {c.names: c for c in _looked_at(worth, library, run)}
+    first = found[0].first_tests
+    jobs = []
+    for c in worth:
+        look = glance if outweighed(c, found) else criticise
+        jobs.append(job("looking at", c.names, c.result, partial(look, c.result, library, first)))
+    return grown | plain | {c.names: c for c in run(jobs)}
 
 
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:

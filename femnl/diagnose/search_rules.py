@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.rivals import EVEN
 from femnl.diagnose.thresholds import THRESHOLDS
 
 
@@ -15,6 +16,12 @@ def worth_extending(grown: dict[Names, Candidate], size: int) -> list[Candidate]
     return [
         c for i, c in enumerate(ranked) if i < THRESHOLDS.beam or (size == 0 and _excess(c) < near)
     ]
+
+
+def outweighed(candidate: Candidate, found: list[Candidate]) -> bool:
+    """Whether fewer of a set's causes are likelier beyond even odds, so that it is never named."""
+    names = set(candidate.names)
+    return any(set(one.names) < names and one.weight - candidate.weight > EVEN for one in found[1:])
 
 
 def falls_short(candidate: Candidate, base: Candidate) -> bool:
