@@ -17,10 +17,9 @@ ROUGH = 10
 LAST = 10
 """Evaluations for the way to bounds, which the reflective method shies away from."""
 CREEPING = 10
-LITTLE = 0.01
-FAR_OFF = 25.0
-"""Iterations in which χ² must fall by this part, or a fit ends that leaves more than so much of it
-per datum: so slow a valley is left to fits from elsewhere.
+LITTLE = ((25.0, 0.01), (2.0, 5e-4))
+"""Iterations in which χ² must fall by a part, or a fit ends that leaves more than so much of it per
+datum: so slow a valley is left to fits from elsewhere.
 """
 NEARLY = 1e-6
 NEAR_BOUND = 1e-3
@@ -101,7 +100,7 @@ class _Creeping:
     """Ends a fit that is far from all data and hardly gains any more, though its steps go on."""
 
     def __init__(self, count: int) -> None:
-        self._far = FAR_OFF * count / 2
+        self._limits = [(far * count / 2, 1 - part) for far, part in LITTLE]
         self._costs: list[float] = []
 
     def __call__(self, intermediate_result: OptimizeResult) -> None:
@@ -109,8 +108,9 @@ class _Creeping:
         cost = float(intermediate_result.cost)
         self._costs.append(cost)
         long_ago = self._costs[-CREEPING - 1 : -CREEPING]
-        if cost > self._far and any(cost > (1 - LITTLE) * before for before in long_ago):
-            raise StopIteration
+        for before in long_ago:
+            if any(cost > max(far, left * before) for far, left in self._limits):
+                raise StopIteration
 
 
 def _pushed(found: OptimizeResult, part: Array) -> NDArray[np.bool_]:
