@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,10 +45,10 @@ class Segment:
         if self.centre is None:
             return np.zeros((2, 2))
         if self.semi_axes is None:
-            radius = float(np.hypot(*np.subtract(self.start, self.centre)))
+            radius = math.dist(self.start, self.centre)
             return np.diag([radius, radius])
-        c = np.cos(self.angle)
-        s = np.sin(self.angle)
+        c = math.cos(self.angle)
+        s = math.sin(self.angle)
         return np.asarray(np.array([[c, -s], [s, c]]) * self.semi_axes)
 
     def direction(self, point: tuple[float, float]) -> NDArray[np.float64]:

@@ -3,12 +3,16 @@
 Area, box, inside or outside, distance, points to draw.
 """
 
+import math
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femnl.core.outline import Outline, Segment
 
 Array = NDArray[np.float64]
+Coordinate = TypeVar("Coordinate", float, Array)
 
 SAMPLES = 129  # points along an ellipse from which the nearest one to a point is looked for
 NEWTON = 8  # steps from there
@@ -22,10 +26,10 @@ def turn(segment: Segment) -> float:
     """
     if segment.centre is None:
         return 0.0
-    (ax, ay) = _unit(segment, np.asarray(segment.start))
-    (bx, by) = _unit(segment, np.asarray(segment.end))
-    angle = float(np.arctan2(ax * by - ay * bx, ax * bx + ay * by) % (2 * np.pi))
-    return angle - 2 * np.pi if segment.clockwise else angle
+    ax, ay = _on_unit_circle(segment, *segment.start)
+    bx, by = _on_unit_circle(segment, *segment.end)
+    angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by) % (2 * math.pi)
+    return angle - 2 * math.pi if segment.clockwise else angle
 
 
 def point_at(segment: Segment, fraction: ArrayLike) -> Array:
@@ -34,9 +38,9 @@ def point_at(segment: Segment, fraction: ArrayLike) -> Array:
     start = np.asarray(segment.start)
     if segment.centre is None:
         return np.asarray(start + part * (np.asarray(segment.end) - start))
-    spoke = _unit(segment, start)
+    x, y = _on_unit_circle(segment, *segment.start)
     angle = part * turn(segment)
-    circle = np.cos(angle) * spoke + np.sin(angle) * np.array([-spoke[1], spoke[0]])
+    circle = np.cos(angle) * (x, y) + np.sin(angle) * (-y, x)
     return np.asarray(np.asarray(segment.centre) + circle @ segment.frame.T)
 
 
@@ -191,8 +195,27 @@ def widths(outline: Outline, samples: int = 9) -> Array:
 
 def _unit(segment: Segment, points: Array) -> Array:
     """Return points (..., 2) where an arc's circle or ellipse becomes the unit circle."""
-    away = points - np.asarray(segment.centre)
-    return np.asarray(away @ np.linalg.inv(segment.frame).T)
+    return np.stack(_on_unit_circle(segment, points[..., 0], points[..., 1]), axis=-1)
+
+
+def _on_unit_circle(
+    segment: Segment, x: Coordinate, y: Coordinate
+) -> tuple[Coordinate, Coordinate]:
+    """Return where points (x, y) [m] come where an arc's circle or ellipse becomes the unit circle.
+
+    Written out, as layouts of ten thousand openings ask for it a million times.
+    """
+    if segment.centre is None:
+        raise ValueError("a line has no circle")
+    dx = x - segment.centre[0]
+    dy = y - segment.centre[1]
+    if segment.semi_axes is None:
+        size = math.dist(segment.start, segment.centre)
+        return dx / size, dy / size
+    a, b = segment.semi_axes
+    c = math.cos(segment.angle)
+    s = math.sin(segment.angle)
+    return (c * dx + s * dy) / a, (c * dy - s * dx) / b
 
 
 def _on_arc(segment: Segment, points: Array) -> NDArray[np.bool_]:

@@ -153,6 +153,7 @@ class _Sizes:
 
     def set(self) -> float:
         """Hand the smallest of all sizes to gmsh; return about how many triangles it makes."""
+        gmsh.model.occ.synchronize()  # once, as it takes seconds with thousands of openings
         gmsh.option.setNumber("Mesh.MeshSizeMax", self.largest)
         if self.fields:
             field = gmsh.model.mesh.field
@@ -192,9 +193,7 @@ def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
 
 def _points(places: Array) -> list[int]:
     """Return gmsh's tags of points (n, 2) that bound nothing, from which sizes grow."""
-    tags = [gmsh.model.occ.addPoint(x, y, 0) for x, y in places]
-    gmsh.model.occ.synchronize()
-    return tags
+    return [gmsh.model.occ.addPoint(x, y, 0) for x, y in places]
 
 
 def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:
