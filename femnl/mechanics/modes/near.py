@@ -1,5 +1,7 @@
 """Prestressed modes near a frequency, without those below them."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
 
@@ -9,9 +11,9 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.domain import Domain, Prestress
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.memory import need_memory
+from femnl.core.memory import SYSTEM, allowed_memory, need_memory
 from femnl.core.modes import Modes
-from femnl.mechanics.fem.solvers import INDEFINITE, factorize, nearest_eigenpairs
+from femnl.mechanics.fem.solvers import FACTOR_BYTES, INDEFINITE, factorize, nearest_eigenpairs
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.shapes import label_shapes
 from femnl.mechanics.modes.solve import (
@@ -97,10 +99,12 @@ class _Sectors:
         found: dict[Parity, tuple[Array, Array]] = {}
         below: dict[Parity, int] = {}
         while ask:
-            for parity, number in ask.items():
-                if not (self._domain.diagonal and parity == ODD_IN_X):
-                    values, shapes, below[parity] = self._solve(parity, number)
+            todo = [p for p in ask if not (self._domain.diagonal and p == ODD_IN_X)]
+            with ThreadPoolExecutor(self._threads) as pool:
+                solved = pool.map(self._solve, todo, [ask[parity] for parity in todo])
+                for parity, (values, shapes, number) in zip(todo, solved, strict=True):
                     found[parity] = values, shapes
+                    below[parity] = number
             if self._domain.diagonal:
                 odd, shapes = found[ODD_IN_Y]
                 found[ODD_IN_X] = odd, shapes[:, exchange(self.operators.space, self._domain)]
@@ -118,6 +122,12 @@ class _Sectors:
         parities = [p for p, (v, _) in found.items() for _ in v]
         order = np.argsort(values, kind="stable")
         return values[order], shapes[order], tuple(parities[k] for k in order)
+
+    @property
+    def _threads(self) -> int:
+        """Sectors that are solved side by side: their factors take half of the memory at most."""
+        room = allowed_memory(SYSTEM) / 2 / (FACTOR_BYTES * self.operators.space.size)
+        return int(np.clip(room, 1, len(os.sched_getaffinity(0))))
 
     def _solve(self, parity: Parity, count: int) -> tuple[Array, Array, int]:
         free = self.operators.free(parity)
