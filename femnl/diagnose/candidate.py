@@ -183,6 +183,7 @@ def _refuted(result: FitResult, others: list[Effect], first: FirstTests) -> Cand
 
 
 def _first(result: FitResult, others: list[Effect], first: FirstTests) -> list[ScoreTest]:
+    """Return the first tests of a fit: each effect that it lacks at the one shape told of it."""
     told = [effect for effect in others if effect.name in first.shapes]
     return score_tests(result, told, first.shapes)
 

@@ -7,7 +7,9 @@ from scipy.special import jn_zeros
 
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.device.geometry import parse
+from femnl.mechanics.fem.solvers import FACTOR_BYTES
 from femnl.mechanics.modes.dilution import bending_share
+from femnl.mechanics.modes.near import side_by_side
 from femnl.pipeline import solve_modes, solve_modes_near
 
 Array = NDArray[np.float64]
@@ -95,3 +97,11 @@ def test_a_film_that_buckles_is_refused_although_its_lowest_modes_are_not_solved
     for target in (5e4, 2e7):
         with pytest.raises(ConvergenceError, match="under compression"):
             solve_modes_near(parse(words), target, 2, resolution=0.5, cache=False)
+
+
+def test_as_many_sectors_are_solved_at_once_as_cores_and_half_of_the_memory_allow() -> None:
+    one = FACTOR_BYTES * 1000
+    assert side_by_side(1000, 100 * one, 4) == 4
+    assert side_by_side(1000, 100 * one, 1) == 1
+    assert side_by_side(1000, 7 * one, 4) == 3
+    assert side_by_side(1000, one, 4) == 1

@@ -95,12 +95,14 @@ class _Sectors:
         sought until none can hide one.
         """
         sectors = list(product((1, -1), repeat=min(self._domain.copies, 4) // 2))
+        cores = len(os.sched_getaffinity(0))
+        threads = side_by_side(self.operators.space.size, allowed_memory(SYSTEM), cores)
         ask = dict.fromkeys(sectors, min(count + 1, count // len(sectors) + 3))
         found: dict[Parity, tuple[Array, Array]] = {}
         below: dict[Parity, int] = {}
         while ask:
             todo = [p for p in ask if not (self._domain.diagonal and p == ODD_IN_X)]
-            with ThreadPoolExecutor(self._threads) as pool:
+            with ThreadPoolExecutor(threads) as pool:
                 solved = pool.map(self._solve, todo, [ask[parity] for parity in todo])
                 for parity, (values, shapes, number) in zip(todo, solved, strict=True):
                     found[parity] = values, shapes
@@ -123,12 +125,6 @@ class _Sectors:
         order = np.argsort(values, kind="stable")
         return values[order], shapes[order], tuple(parities[k] for k in order)
 
-    @property
-    def _threads(self) -> int:
-        """Sectors that are solved side by side: their factors take half of the memory at most."""
-        room = allowed_memory(SYSTEM) / 2 / (FACTOR_BYTES * self.operators.space.size)
-        return int(np.clip(room, 1, len(os.sched_getaffinity(0))))
-
     def _solve(self, parity: Parity, count: int) -> tuple[Array, Array, int]:
         free = self.operators.free(parity)
         stiffness = csc_matrix(self.operators.stiffness(parity)[free][:, free])
@@ -141,3 +137,12 @@ class _Sectors:
         shapes = np.zeros((count, self.operators.space.size))
         shapes[:, free] = vectors.T
         return values, shapes, below
+
+
+def side_by_side(unknowns: int, memory: float, cores: int) -> int:
+    """Return how many sectors are solved at once: their factors take half of the memory at most.
+
+    memory: that the process may take [bytes].
+    """
+    room = memory / 2 / (FACTOR_BYTES * unknowns)
+    return int(np.clip(room, 1, cores))
