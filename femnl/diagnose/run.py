@@ -23,7 +23,7 @@ from femnl.diagnose.noise_of_file import (
     told_noise,
 )
 from femnl.diagnose.posing import Posing, opened
-from femnl.diagnose.search import better, refitted, search
+from femnl.diagnose.search import SIZES, better, refitted, search
 from femnl.diagnose.sent import considered, sent
 from femnl.diagnose.verdict import NOISE_IS_LARGER
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
@@ -163,7 +163,9 @@ class _Searching:
         model, library = mine.posed()
         if earlier:
             again = refitted(model, library, earlier, mine.run)
-            if any(candidate.viable and candidate.names for candidate in again):
+            explained = any(candidate.viable and candidate.names for candidate in again)
+            if explained or any(len(candidate.names) == len(SIZES) for candidate in earlier):
+                # The largest sets were sought, and a little other noise leads to no new ones
                 return again, mine.run
             # Cut short once, so that this one begins with the noise that it showed
             found = search(model, library, mine.run, self.checkpoint)
