@@ -95,12 +95,16 @@ def refitted(
 ) -> list[Candidate]:
     """Return the likeliest sets of an earlier search, fitted to data whose noise is better known.
 
+    With them comes whatever was tried of fewer of their causes, which tells what each is worth.
+
     Args: base_model: under that noise. earlier: what was found under another.
     """
     found = [criticise(_again(base_model, earlier[0].result), library)]
     ranked = sorted(earlier[1:], key=lambda c: -c.weight)[: THRESHOLDS.most_refitted]
+    largest = [set(c.names) for c in ranked]
     for size in range(1, len(SIZES) + 1):
-        kept = [c for c in ranked if len(c.names) == size]
+        sized = [c for c in earlier[1:] if len(c.names) == size]
+        kept = [c for c in sized if any(set(c.names) <= names for names in largest)]
         fits = [
             job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
             for c in kept

@@ -17,6 +17,7 @@ from femnl.core.readout import Array
 from femnl.core.stages import Placement
 from femnl.diagnose.candidate import Candidate, criticise
 from femnl.diagnose.score_tests import score_tests
+from femnl.diagnose.search import refitted, search
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.verdict import judge
 from femnl.effects import library
@@ -301,3 +302,17 @@ def test_modes_without_labels_are_the_lowest_even_where_a_pair_is_cut_in_half(
     left = base_model.residuals(uneven, base, [{"anisotropy": anisotropy}])[:11]
     solved, *_ = base_model._solved(uneven, base, [{"anisotropy": anisotropy}])
     np.testing.assert_allclose(base_model.frequency - left, np.sort(solved)[:11], rtol=1e-12)
+
+
+def test_sets_fitted_again_come_with_what_was_tried_of_fewer_causes() -> None:
+    """Else nothing would tell what each cause of the likeliest sets is worth."""
+    three = sum(3.0 * np.cos(np.pi * n * (X + 1) / 2) for n in (1, 2, 3))
+    data = three + np.random.default_rng(4).standard_normal(N)
+    found = search(level(data), WAVES)
+    tried = {candidate.names for candidate in found}
+    ranked = sorted(found, key=lambda candidate: -candidate.weight)
+    assert len(ranked) > THRESHOLDS.most_refitted + len(WAVES)
+    again = {candidate.names for candidate in refitted(level(data), WAVES, found)}
+    for candidate in ranked[: THRESHOLDS.most_refitted]:
+        fewer = {names for names in tried if set(names) <= set(candidate.names)}
+        assert fewer <= again
