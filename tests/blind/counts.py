@@ -13,6 +13,8 @@ from femnl.report.scores import FOUND
 
 Record = dict[str, Any]
 Told = Callable[[Record], bool]
+NAMING = ("explained", "explained in part")
+"""Verdicts that name causes as the ones."""
 LAPSE = 0.01
 """Share of causes of any size that chance alone loses: sets are held to a p-value of a hundredth.
 """

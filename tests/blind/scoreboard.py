@@ -17,7 +17,7 @@ from scipy.stats import kstest
 
 from femnl.plot.style import COLOURS, new_figure, style
 from femnl.report.scores import DETECTABLE, confusion_figure, detection_figure
-from tests.blind.counts import by_cause, confusion, detection, limits, rate
+from tests.blind.counts import NAMING, by_cause, confusion, detection, limits, rate
 from tests.blind.lab import KINDS
 from tests.blind.records import read_studies
 
@@ -39,7 +39,7 @@ WORDS = {
     "false alarms": "false alarms on files without a cause",
     "cause named": "cause named, alone or among equals",
     "pair named": "both of two causes named",
-    "wrong cause explained": "wrong set called `explained`",
+    "wrong cause explained": "wrong set called `explained` or `explained in part`",
     "wrong cause explained, 5σ worse than the truth": "the same, but for what fits less than 5σ "
     "worse than a cause "
     "that the "
@@ -55,7 +55,7 @@ WORDS = {
 
 def told(record: Record) -> bool:
     """Whether the answer is the right set of causes, alone or among equals."""
-    if record["verdict"] == "explained":
+    if record["verdict"] in NAMING:
         return bool(record["named"] == record["causes"])
     others = [names for names, probability in record["alternatives"] if probability > TOLD]
     return record["verdict"] == "ambiguous" and record["causes"] in [record["named"], *others]
@@ -68,7 +68,7 @@ def detectable(record: Record) -> bool:
 
 def wrong(record: Record) -> bool:
     """Whether an explanation names a cause that is not there or lacks one that stands out."""
-    if record["verdict"] != "explained":
+    if record["verdict"] not in NAMING:
         return False
     lacking = [cause for cause in record["causes"] if cause not in record["named"]]
     return not set(record["named"]) <= set(record["causes"]) or any(
@@ -83,7 +83,7 @@ def tied(record: Record, partners: dict[str, Record]) -> bool:
         with_it is not None
         and with_it["verdict"] == "ambiguous"
         and told(with_it)
-        and record["verdict"] in ("explained", "ambiguous")
+        and record["verdict"] in (*NAMING, "ambiguous")
     )
 
 
@@ -123,7 +123,7 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
         "cause named": (strong.get("hidden", []) + strong.get("weakened", []), told),
         "cause named alone": (
             strong.get("hidden", []) + strong.get("weakened", []),
-            lambda r: told(r) and r["verdict"] == "explained",
+            lambda r: told(r) and r["verdict"] in NAMING,
         ),
         "pair named": (strong.get("pair", []), told),
         "wrong cause explained": (
@@ -173,7 +173,7 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
             }
         }
     clear = [r for r in by_task["hidden"] + by_task["null"] if detectable(r)]
-    board["confusion"] = confusion(clear, told, ("explained",))
+    board["confusion"] = confusion(clear, told, NAMING)
     lone = by_cause(by_task["hidden"] + by_task["weakened"])
     board["detection"] = detection(lone, told)
     board["limits"] = limits(lone, told)

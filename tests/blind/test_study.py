@@ -117,6 +117,25 @@ def test_the_scoreboard_counts_what_the_records_say() -> None:
     assert (rates["68 % intervals hold"]["k"], rates["gain within 10 % of the best"]["k"]) == (1, 1)
 
 
+def test_causes_named_in_part_count_as_named() -> None:
+    part = "explained in part"
+    rows = [
+        record("null", [], "adequate", []),
+        record("hidden", ["gas_damping"], part, ["gas_damping"]),
+        record("hidden", ["gas_damping"], part, ["photothermal"], file="two"),
+        record("removed", ["gas_damping"], part, ["photothermal"], file="three"),
+    ]
+    board = score(rows, [1])
+    counts = {name: (rate["k"], rate["n"]) for name, rate in board["rates"].items()}
+    assert counts["cause named"] == (1, 2)
+    assert counts["cause named alone"] == (1, 2)
+    assert counts["wrong cause explained"] == (2, 3)
+    assert counts["removed cause unexplained"] == (0, 1)
+    answers = board["confusion"]["answers"]
+    row = board["confusion"]["draws"][board["confusion"]["hidden"].index("gas_damping")]
+    assert row[answers.index("gas_damping")] == row[answers.index("photothermal")] == 1
+
+
 def test_an_answer_nearly_as_good_as_the_lacking_cause_is_counted_apart() -> None:
     rows = []
     for file, left, verdict, named in (

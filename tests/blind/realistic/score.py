@@ -16,11 +16,10 @@ from femnl.report.scores import (
     detection_figure,
     shares_figure,
 )
-from tests.blind.counts import Record, by_cause, confusion, detection, limits, rate
+from tests.blind.counts import NAMING, Record, by_cause, confusion, detection, limits, rate
 from tests.blind.realistic.regimes import REGIMES
 from tests.blind.records import read_studies
 
-NAMING = ("explained", "explained in part")
 CLEAR = 7.0
 """σ from which on a glitch is to be listed."""
 LISTED = 0.9
