@@ -43,7 +43,7 @@ class Adequacy:
         Args: factor: noise over the stated one.
         """
         least, worst = self._least(factor)
-        bound = least * (len(self.found) + len(BESIDE))
+        bound = least * self._count(len(self.found))
         if bound < CERTAIN:
             return bound, worst
         below = int(np.searchsorted(self._simulated, least, side="right"))
@@ -54,18 +54,23 @@ class Adequacy:
         return float(min(1.0, least * TAIL / N_DRAWS / self._simulated[TAIL - 1])), worst
 
     def bound(self, count: int, factor: float = 1.0) -> tuple[float, str]:
-        """Return a bound of the p-value by Bonferroni, and the test that speaks most against it.
+        """Return Bonferroni's bound of the p-value, and the test that speaks most against a model.
 
-        Args: count: tests to allow for, beside those of any residuals. factor: noise over the
-            stated one.
+        Args: count: tests of directions and effects that the bound allows for. factor: noise over
+            the stated one.
         """
         least, worst = self._least(factor)
-        return least * (count + len(BESIDE)), worst
+        return least * self._count(count), worst
+
+    @staticmethod
+    def _count(found: int) -> int:
+        """Return the number of all tests, so many of directions and effects among them."""
+        return found + len(BESIDE)
 
     def _least(self, factor: float) -> tuple[float, str]:
         """Return the smallest p-value of all tests, and the name of its test."""
         residuals = self.result.residuals[None] / factor
-        squares = _squares(residuals, self.found)[0]
+        squares = self._squares(residuals)[0]
         of_tests = [
             float(chi_square_tail(square, len(test.basis)))
             for square, test in zip(squares, self.found, strict=True)
@@ -97,7 +102,7 @@ class Adequacy:
         for ranked in result.model.base_model.ranked:
             ranked.rank(result.residuals, noise)
         left = noise - (noise @ own) @ own.T
-        of_tests = _smallest(_squares(left, self.found), self._sizes)
+        of_tests = _smallest(self._squares(left), self._sizes)
         others = _beside(left, result.degrees).min(axis=1)
         return np.asarray(np.minimum(of_tests, others))
 
@@ -107,8 +112,7 @@ class Adequacy:
         Outlier and neighbours are as good as independent of it.
         """
         degrees = self.result.degrees
-        basis = np.concatenate([test.basis for test in self.found])
-        values, vectors = np.linalg.eigh(basis @ basis.T)
+        values, vectors = np.linalg.eigh(self._bases @ self._bases.T)
         kept = values > 1e-10
         drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
         squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
@@ -118,19 +122,21 @@ class Adequacy:
         of_sum = chi_square_tail(total, degrees)
         return np.asarray(np.min([of_tests, of_sum, others], axis=0))
 
+    def _squares(self, residuals: Array) -> Array:
+        """Return what tests of directions and effects see of residuals (m, n): χ² (m, n_tests)."""
+        # In one product: a long row is read once for all tests
+        return _summed((residuals @ self._bases.T) ** 2, self._sizes)
+
+    @cached_property
+    def _bases(self) -> Array:
+        """Directions (n_directions, n) of all tests, one test after the other."""
+        none = np.empty((0, len(self.result.residuals)))
+        return np.concatenate([none, *(test.basis for test in self.found)])
+
     @cached_property
     def _sizes(self) -> NDArray[np.int64]:
         """Degrees of freedom of each test."""
         return np.array([len(test.basis) for test in self.found], dtype=np.int64)
-
-
-def _squares(residuals: Array, found: list[ScoreTest]) -> Array:
-    """Return what tests of directions and effects see of residuals (m, n): χ² (m, n_tests)."""
-    if not found:
-        return np.empty((len(residuals), 0))
-    # In one product: a long row is read once for all tests
-    squares = (residuals @ np.concatenate([test.basis for test in found]).T) ** 2
-    return _summed(squares, np.array([len(test.basis) for test in found]))
 
 
 def _summed(squares: Array, sizes: NDArray[np.int64]) -> Array:

@@ -9,8 +9,7 @@ from scipy.special import logsumexp
 
 from femnl.core.effect import Effect
 from femnl.diagnose.adequacy import Adequacy
-from femnl.diagnose.multistart import unlike
-from femnl.diagnose.score_tests import ScoreTest, score_tests
+from femnl.diagnose.score_tests import ScoreTest, score_tests, unlike
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job
 from femnl.fits.least_squares import FitResult
@@ -34,7 +33,7 @@ class FirstTests:
     Most sets leave what the base model points to, and all shapes of all effects take a hundred
     times longer than the one of each to which it points most.
 
-    shapes: by name of each effect. n_tests: number of all tests.
+    shapes: that one, by name of each effect. n_tests: of all shapes, for which a bound allows.
     """
 
     shapes: dict[str, dict[str, float]]
@@ -163,7 +162,8 @@ def criticise(
 
 def glance(result: FitResult, library: list[Effect], first: FirstTests) -> Candidate:
     """Return a set with the p-value of the first tests alone."""
-    p_value, worst = Adequacy(result, _first(result, _others(result, library), first)).p_value()
+    found = _first_tests(result, _others(result, library), first)
+    p_value, worst = Adequacy(result, found).p_value()
     return Candidate(result, p_value, worst, None)
 
 
@@ -172,7 +172,7 @@ def _refuted(result: FitResult, others: list[Effect], first: FirstTests) -> Cand
 
     Its p-values are bounds, which allow for all tests.
     """
-    adequacy = Adequacy(result, _first(result, others, first))
+    adequacy = Adequacy(result, _first_tests(result, others, first))
     p_value, worst = adequacy.bound(first.n_tests)
     as_noise = np.nan
     if _noise_may_be_larger(result):
@@ -182,8 +182,8 @@ def _refuted(result: FitResult, others: list[Effect], first: FirstTests) -> Cand
     return Candidate(result, p_value, worst, None, as_noise)
 
 
-def _first(result: FitResult, others: list[Effect], first: FirstTests) -> list[ScoreTest]:
-    """Return the first tests of a fit: each effect that it lacks at the one shape told of it."""
+def _first_tests(result: FitResult, others: list[Effect], first: FirstTests) -> list[ScoreTest]:
+    """Make the first tests of a fit: of each effect that it lacks, in the one shape told of it."""
     told = [effect for effect in others if effect.name in first.shapes]
     return score_tests(result, told, first.shapes)
 

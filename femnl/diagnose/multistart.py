@@ -10,16 +10,11 @@ import numpy as np
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
 from femnl.diagnose.global_starts import centres, scan
-from femnl.diagnose.score_tests import ScoreTest, score_tests, tangents_mislead
+from femnl.diagnose.score_tests import score_tests, tangents_mislead, unlike
 from femnl.fits.least_squares import FitResult, fit, improve
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.model import scale_of
 
-SHAPES = 4
-ALIKE = 0.98
-"""Trial shapes of an effect that are starts of its fit, and the square of the cosine from which on
-two are the same to the data.
-"""
 ROUGH = 4
 FAR = 8
 """Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the
@@ -204,33 +199,6 @@ def sought_again(result: FitResult, k: int) -> FitResult | None:
             result,
         )
     return min(found, key=lambda s: s.chi2, default=None)
-
-
-def unlike(found: list[ScoreTest]) -> list[ScoreTest]:
-    """Return the best score tests of one effect that point to different places.
-
-    Mirror images and neighbours point to the same. Those of other whole numbers come first: no fit
-    leads from one to the next.
-
-    Args: found: the best first.
-    """
-    kept: list[ScoreTest] = []
-    choices: list[list[float]] = []
-    first: list[ScoreTest] = []
-    later: list[ScoreTest] = []
-    for test in found:
-        (later if test.whole in choices else first).append(test)
-        choices.append(test.whole)
-    for test in [*first, *later]:
-        if all(
-            test.whole != other.whole
-            or np.sum((test.basis @ other.basis.T) ** 2) < ALIKE * len(test.basis)
-            for other in kept
-        ):
-            kept.append(test)
-        if len(kept) == SHAPES:
-            break
-    return kept
 
 
 def _continuous(effect: Effect) -> int:

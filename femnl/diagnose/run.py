@@ -141,8 +141,8 @@ class _Searching:
     def searched(self, earlier: list[Candidate]) -> tuple[list[Candidate], Run]:
         """Fit what may explain the data.
 
-        Args: earlier: what was found under another noise, if anything; where some of it, fitted
-            again, explains the data, nothing is sought.
+        Args: earlier: what was found under another noise, if anything. It is fitted again, and
+            nothing is sought where that explains the data, or where sets of all sizes were sought.
         Returns: what was fitted, and what does further jobs of that problem.
         """
         found, run = self._sought(self.pose, earlier)
@@ -164,10 +164,10 @@ class _Searching:
         if earlier:
             again = refitted(model, library, earlier, mine.run)
             explained = any(candidate.viable and candidate.names for candidate in again)
-            if explained or any(len(candidate.names) == len(SIZES) for candidate in earlier):
-                # The largest sets were sought, and a little other noise leads to no new ones
+            went_through = any(len(candidate.names) == len(SIZES) for candidate in earlier)
+            if explained or went_through:  # which sets to try hardly depends on the noise
                 return again, mine.run
-            # Cut short once, so that this one begins with the noise that it showed
+            # Cut short, so that this one begins with the noise that it showed
             found = search(model, library, mine.run, self.checkpoint)
             return better(found, again), mine.run
         return search(model, library, mine.run, self.checkpoint, self._other), mine.run

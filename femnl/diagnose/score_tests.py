@@ -1,16 +1,16 @@
 """Score tests: the causes and patterns to which the residuals of a fit point."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, erfc
 from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
+from femnl.diagnose.strength_slopes import chord, tangent
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult
 from femnl.observe.extended import ExtendedModel
@@ -19,13 +19,13 @@ N_SHAPES = {0: 1, 1: 128, 2: 128, 3: 128}
 """Trial shapes of an effect with that many parameters that only shape it."""
 SECANT = 0.05
 """Part of the misfit that an effect's tangent spans where the misfit is large."""
-CHORD = 0.02
-"""Part of its range at which the size of a strength is tried that has no slope at zero."""
-LEAST = 1e-11
-MOST = 0.01
-"""Steps of a strength at zero, in parts of its range."""
 VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
+SHAPES = 4
+ALIKE = 0.98
+"""Trial shapes of an effect that are starts of its fit, and the square of the cosine from which on
+two are the same to the data.
+"""
 SAME = 1e-6
 """Largest difference of residuals up to which two places in a model predict the same."""
 
@@ -64,7 +64,8 @@ def score_tests(
 
     Each pattern of the model is tested once, and each effect at each of its trial shapes.
 
-    Args: shapes: by name of each effect, the values of its parameters whose shape alone is tested.
+    Args: shapes: by name of each effect, values of its parameters; each is tested in this one
+        shape. By default it is tested in all trial shapes.
     """
     own, _ = np.linalg.qr(result.jacobian[:, result.free])
     base_model = result.model.base_model
@@ -107,6 +108,33 @@ def _is_among(test: ScoreTest, others: list[ScoreTest]) -> bool:
     known = np.reshape([(other.gain, other.p_value) for other in others], (-1, 2))
     same = np.isclose(known, (test.gain, test.p_value), rtol=1e-6, atol=0)
     return bool(same.all(axis=1).any())
+
+
+def unlike(found: list[ScoreTest]) -> list[ScoreTest]:
+    """Return the best score tests of one effect that point to different places.
+
+    Mirror images and neighbours point to the same. Those of other whole numbers come first: no fit
+    leads from one to the next.
+
+    Args: found: the best first.
+    """
+    kept: list[ScoreTest] = []
+    choices: list[list[float]] = []
+    first: list[ScoreTest] = []
+    later: list[ScoreTest] = []
+    for test in found:
+        (later if test.whole in choices else first).append(test)
+        choices.append(test.whole)
+    for test in [*first, *later]:
+        if all(
+            test.whole != other.whole
+            or np.sum((test.basis @ other.basis.T) ** 2) < ALIKE * len(test.basis)
+            for other in kept
+        ):
+            kept.append(test)
+        if len(kept) == SHAPES:
+            break
+    return kept
 
 
 def tangents_mislead(result: FitResult) -> bool:
@@ -154,7 +182,8 @@ def _effect_tests(
     steps = {one.spec.name: 1e-6 * one.high for one in strengths}
     found = []
     shaping = [one for one in ranges if not one.spec.strength]
-    for shape in _trial_shapes(shaping) if shapes is None else [_of(shaping, shapes[effect.name])]:
+    tried = _trial_shapes(shaping) if shapes is None else [_shape_of(shaping, shapes[effect.name])]
+    for shape in tried:
         idle = shape | {one.spec.name: 0.0 for one in strengths}
 
         def change(name: str, strength: float, idle: Values = idle) -> Array:
@@ -164,14 +193,14 @@ def _effect_tests(
         changes = [partial(change, one.spec.name) for one in strengths]
         tangents = np.stack(
             [
-                _tangent(by, one.spec.name, steps, one.high, target)
+                tangent(by, one.spec.name, steps, one.high, target)
                 for by, one in zip(changes, strengths, strict=True)
             ]
         )
         basis = _beside(own, tangents)
         if len(basis) == 0:  # of second order, or not to be seen at all
             tangents = np.stack(
-                [_chord(by, one.low, one.high) for by, one in zip(changes, strengths, strict=True)]
+                [chord(by, one.low, one.high) for by, one in zip(changes, strengths, strict=True)]
             )
             basis = _beside(own, tangents)
         if len(basis):
@@ -194,8 +223,8 @@ def _trial_shapes(ranges: list[_Range]) -> list[dict[str, float]]:
     ]
 
 
-def _of(ranges: list[_Range], values: Values) -> dict[str, float]:
-    """Return those values that are of some parameters."""
+def _shape_of(ranges: list[_Range], values: Values) -> dict[str, float]:
+    """Return the values, among others, of the parameters that only shape an effect."""
     return {one.spec.name: float(values[one.spec.name]) for one in ranges}
 
 
@@ -240,48 +269,6 @@ def _at(spec: ParameterSpec, low: float, high: float, part: float) -> float:
     return float(np.rint(value) if spec.whole else value)
 
 
-def _tangent(
-    change: Callable[[float], Array],
-    name: str,
-    steps: dict[str, float],
-    high: float,
-    target: float,
-) -> Array:
-    """Return the derivative of the residuals by one strength at zero.
-
-    The step that did is kept for the next shape.
-
-    An effect that grows as the square of its strength has none there: the larger the misfit, the
-    longer the secant. Where modes exchange labels at once no step does: the direction of the jump
-    is returned, and other shapes do not begin with the step that sought it.
-
-    Args: change: of the residuals by a strength. name: of the strength. steps: by name, where to
-        begin; changed. high: the largest strength. target: size of the change that a step makes.
-    """
-    step = steps[name]
-    for _ in range(5):
-        moved = change(step)
-        size = float(np.linalg.norm(moved))
-        used = step
-        if 0.1 < size / target < 10:
-            steps[name] = used
-            break
-        step = float(
-            np.clip(
-                step * np.clip(target / max(size, 1e-300), 1e-4, 1e4), LEAST * high, MOST * high
-            )
-        )
-        if step == used:
-            break
-    return np.asarray(moved / used)
-
-
-def _chord(change: Callable[[float], Array], low: float, high: float) -> Array:
-    """Return the change of the residuals per strength at a finite strength."""
-    step = CHORD * (high - max(low, 0.0))
-    return np.asarray(change(step) / step)
-
-
 def _beside(own: Array, tangents: Array) -> Array:
     """Return an orthonormal basis of what the tangents reach that the model itself does not."""
     size = np.linalg.norm(tangents, axis=1, keepdims=True)
@@ -295,19 +282,8 @@ def _beside(own: Array, tangents: Array) -> Array:
     return np.asarray(right[strength > np.sqrt(VISIBLE)])
 
 
-def chi_square_tail(square: Array, degrees: int | NDArray[np.int64]) -> Array:
-    """Return the probability of a larger χ², by closed forms where there are any.
-
-    It is asked for a million times.
-    """
-    if np.ndim(degrees):
-        return np.stack(
-            [
-                chi_square_tail(column, int(d))
-                for column, d in zip(square.T, np.asarray(degrees), strict=True)
-            ],
-            axis=1,
-        )
+def chi_square_tail(square: Array, degrees: int) -> Array:
+    """Return the probability of a larger χ², by closed forms where there are any."""
     if degrees == 1:
         return np.asarray(erfc(np.sqrt(square / 2)))
     return np.asarray(np.exp(-square / 2) if degrees == 2 else chdtrc(degrees, square))
