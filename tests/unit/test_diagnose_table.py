@@ -48,7 +48,10 @@ def _own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.fixture
 def done(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Diagnose in this process, the last file first, and list the files."""
+    """Diagnose in this process, the last file first, and list the files.
+
+    The order in which real processes end cannot be chosen; other tests below start them.
+    """
     names = list[str]()
 
     def here(
