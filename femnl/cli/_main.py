@@ -60,7 +60,10 @@ def run(words: list[str]) -> int:
             "the memory is full; ask for fewer modes, a lower --resolution or fewer points, or "
             "close other programs"
         )
-    except BrokenPipeError:  # the reader, such as `head`, has gone: what follows has no use
+    except (BrokenPipeError, SystemExit) as ended:
+        # The reader, such as `head`, has gone: what follows has no use. rich and typer exit then.
+        if BrokenPipeError not in (type(ended), type(ended.__context__)):
+            raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     # Such as a disk that is full or a folder that was taken away meanwhile

@@ -73,10 +73,21 @@ def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path, seconds: float)
     assert not list(tmp_path.glob("*.nc"))
 
 
-def test_a_reader_that_leaves_early_is_no_failure(tmp_path: Path) -> None:
-    command = f"{sys.executable} -m femnl geometries | head -1"
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [
+        ("geometries", 0),
+        ("modes square-270um --resolution 0.2", 0),
+        ("geometry check missing.gds", 2),
+    ],
+)
+def test_a_reader_that_leaves_early_is_no_failure(words: str, status: int, tmp_path: Path) -> None:
+    command = f"set -o pipefail; {sys.executable} -m femnl {words} 2>&1 | true"
     done = subprocess.run(
-        command, shell=True, env=environment(tmp_path), capture_output=True, text=True, check=False
+        ["bash", "-c", command],
+        env=environment(tmp_path),
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    assert done.stderr == ""
-    assert done.stdout
+    assert (done.returncode, done.stderr) == (status, "")

@@ -1,5 +1,7 @@
 """Meshes: true to the outline, named all around, graded, reproducible, or refused."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -409,3 +411,21 @@ def test_a_web_between_holes_is_refined_in_step_with_all_else(width: int) -> Non
         return float(np.linalg.norm(sides, axis=0)[near].mean())
 
     assert length(2.0) < 0.6 * length(1.0)
+
+
+def test_a_reader_that_goes_after_meshing_does_not_end_the_process() -> None:
+    program = """
+import os
+from femnl import load
+from femnl.device.mesh import mesh
+
+mesh(load("square-270um"), resolution=0.2)
+reader, writer = os.pipe()
+os.close(reader)
+try:
+    os.write(writer, b"a line")
+except BrokenPipeError:
+    print("told")
+"""
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (told.returncode, told.stdout) == (0, "told\n"), told.stderr

@@ -6,7 +6,9 @@ Curved triangles, graded towards clamped edges, corners and holes, whole or by s
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from ctypes import c_int, c_void_p, pythonapi
 from dataclasses import replace
+from signal import SIGPIPE
 
 import gmsh
 import numpy as np
@@ -114,12 +116,30 @@ def _middle(model: Model) -> Array:
 
 
 @contextmanager
+def _broken_pipes_as_before() -> Iterator[None]:
+    """Undo what gmsh's first start does: it lets the signal SIGPIPE end the process.
+
+    Python ignores that signal, so that writing to a reader that has gone raises BrokenPipeError.
+    `signal.signal` would serve the main thread alone, and knows nothing of what gmsh has set.
+    """
+    of_signal, set_signal = pythonapi.PyOS_getsig, pythonapi.PyOS_setsig
+    of_signal.restype, of_signal.argtypes = c_void_p, [c_int]
+    set_signal.restype, set_signal.argtypes = c_void_p, [c_int, c_void_p]
+    before = of_signal(SIGPIPE)
+    try:
+        yield
+    finally:
+        set_signal(SIGPIPE, before)
+
+
+@contextmanager
 def _gmsh_session() -> Iterator[None]:
     """One gmsh model, closed whatever happens.
 
     One thread and no rounding by clock make meshes reproducible.
     """
-    gmsh.initialize(interruptible=False)
+    with _broken_pipes_as_before():
+        gmsh.initialize(interruptible=False)
     try:
         for option, value in {
             "General.Terminal": 0,
