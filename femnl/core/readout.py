@@ -136,7 +136,9 @@ class HarmonicSpectrum:
 
     drive_frequency (n_steps,) [Hz]; harmonic (n_harmonics,) from 0; values (n_harmonics, n_steps)
     complex V_n [V]; values_sd (n_harmonics, n_steps) [V]: standard deviation of real and of
-    imaginary part; noise_sd (n_steps,) [V] per sample.
+    imaginary part; noise_sd (n_steps,) [V] per sample. correlation_length: how many neighbouring
+    samples count as one for a mean, 1 where the noise is white. independent: part of them that
+    count as independent for its variance.
     """
 
     drive_frequency: Array
@@ -144,6 +146,8 @@ class HarmonicSpectrum:
     values: ComplexArray
     values_sd: Array
     noise_sd: Array
+    correlation_length: float = 1.0
+    independent: float = 1.0
 
     def __post_init__(self) -> None:
         freeze(self)

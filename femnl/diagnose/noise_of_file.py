@@ -148,7 +148,8 @@ def told_noise(best: FitResult, noise: Noise, factor: float = 1.0) -> tuple[Nois
         stated = used / bare.noise_factor
         found = noise.get(name, FoundNoise())
         now = used * found.factor * factor
-        told.append(NoiseTold(name, stated, now, found.correlation_length, unit))
+        length = max(found.correlation_length, bare.correlation_length)
+        told.append(NoiseTold(name, stated, now, length, unit))
     return tuple(told)
 
 

@@ -116,7 +116,8 @@ class MeasurementModel(ABC):
     `couples_blocks`. tells_noise: whether the data themselves tell their noise. estimates_noise:
     whether the noise follows from the data alone, so that a misfit which is rare under it does not
     yet make a cause worth its parameters. noise_factor: noise
-    that the model takes over the one stated. left_out: glitches that never became residuals, where
+    that the model takes over the one stated, and correlation_length: how many neighbouring data it
+    takes for one. left_out: glitches that never became residuals, where
     and by how many σ. ranked: residuals whose data go to predictions by rank.
     """
 
@@ -130,6 +131,7 @@ class MeasurementModel(ABC):
     tells_noise: bool = False
     estimates_noise: bool = False
     noise_factor: float = 1.0
+    correlation_length: float = 1.0
     left_out: tuple[tuple[str, float], ...] = ()
 
     @property

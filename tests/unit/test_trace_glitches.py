@@ -38,3 +38,18 @@ def test_without_glitches_little_is_left_out() -> None:
     rng = np.random.default_rng(7)
     left_out = [len(without_glitches(clipped(0.6, rng), HARMONICS)[1]) for _ in range(100)]
     assert np.mean(np.array(left_out) > 0) <= 0.05
+
+
+def test_glitches_that_crowd_in_one_record_are_found() -> None:
+    rng = np.random.default_rng(20261126)
+    clean = clipped(1.0, rng)["voltage"].values[0]
+    volts = clean + NOISE * rng.standard_normal((6, N))
+    places = np.sort(rng.choice(N, 24, replace=False))  # 3 % of one record, 0.5 % of all
+    volts[3, places] += NOISE * np.exp(rng.uniform(np.log(20), np.log(900), 24))
+    dataset = measurement.trace(
+        TIME, volts, drive_frequency=np.full(6, FREQUENCY), noise_sd=1.5 * NOISE
+    )
+    cleared, _ = without_glitches(dataset, HARMONICS)
+    steps, samples = np.nonzero(np.isnan(cleared["voltage"].values))
+    assert set(steps) == {3}
+    assert samples.tolist() == places.tolist()

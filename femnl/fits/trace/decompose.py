@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.core.readout import Array, ComplexArray, HarmonicSpectrum
+from femnl.fits.trace.colour import WHITE, Colour, beside_phase, noise_colour
 
 ILL_CONDITIONED = 1e5
 """Ratio of singular values beyond which a record is too short to tell the harmonics apart."""
@@ -22,6 +23,13 @@ ONE_TONE = 0.5
 """Share of the power of a drive that one sine may leave: harmonics of its own and noise, but no
 second tone of equal strength.
 """
+FEWEST_PERIODS = 8
+SAMPLES_EACH = 10
+"""Periods of a record, and samples for each number that is fitted to it, from which on the colour
+of its noise can be told: fewer leave no noise between the harmonics.
+"""
+EVEN_TIMES = 0.01
+"""Relative difference of intervals between samples up to which they are equal."""
 
 
 def refuse_undriven(traces: xr.Dataset) -> None:
@@ -47,13 +55,14 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
         n_harmonics: highest harmonic.
 
     Returns:
-        The harmonics of each step; noise_sd from what the harmonics leave, values_sd from it.
+        The harmonics of each step; noise_sd from what the harmonics leave, values_sd from it, with
+        the colour that the noise of all steps shows (`noise_colour`) where records are long.
 
     Raises:
         ParameterError: harmonics beyond half the sampling rate, or more unknowns than samples.
         MeasurementError: a record too short to tell the harmonics apart.
 
-    Valid: white noise; a steady state during the record.
+    Valid: noise of one colour in all steps, white in short records; a steady state meanwhile.
     Source: Sommer et al. 2025, supplement S7, decomposition of the time traces.
     """
     refuse_undriven(traces)
@@ -73,18 +82,52 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     values = np.zeros((n_harmonics + 1, len(voltage)), complex)
     sd = np.zeros((n_harmonics + 1, len(voltage)))
     noise = np.zeros(len(voltage))
+    left = np.full(voltage.shape, np.nan)
     for i, (row, f) in enumerate(zip(voltage, frequency, strict=True)):
-        values[:, i], sd[:, i], noise[i] = _harmonics(time, row, float(f), n_harmonics)
+        used = np.isfinite(row)
+        values[:, i], sd[:, i], noise[i], left[i, used] = _harmonics(
+            time, row, float(f), n_harmonics
+        )
         if drive is not None:
             phase = np.angle(_harmonics(time, drive[i], float(f), 1)[0][1])
             values[:, i] *= np.exp(-1j * orders * phase)
-    return HarmonicSpectrum(frequency, orders, values, sd, noise)
+    colour = _colour(time, frequency, left, n_harmonics)
+    interval = float(np.median(np.diff(time)))
+    sd *= np.sqrt(colour.relative_power(np.outer(orders, frequency * interval)))
+    return HarmonicSpectrum(
+        frequency, orders, values, sd, noise, colour.correlation_length, colour.independent
+    )
+
+
+def _colour(time: Array, frequency: Array, left: Array, n_harmonics: int) -> Colour:
+    """Return the colour of noise of which the harmonics leave (n_steps, n_samples) [V]."""
+    intervals = np.diff(time)
+    samples = np.isfinite(left).sum(axis=1)
+    if (
+        np.ptp(intervals) > EVEN_TIMES * np.median(intervals)
+        or np.any(np.ptp(time) * frequency < FEWEST_PERIODS)
+        or np.any(samples < SAMPLES_EACH * (2 * n_harmonics + 1))
+    ):
+        return WHITE
+    cycles = float(np.median(frequency) * np.median(intervals))
+    found = noise_colour(left, cycles * np.arange(1.0, n_harmonics + 1))
+    if found is not None:
+        return found
+    # The lines may be of harmonics beyond the last
+    noise = left.copy()
+    for row, f in zip(noise, frequency, strict=True):
+        order = np.argsort(f * time % 1.0, kind="stable")
+        row[:] = beside_phase(row, order[np.isfinite(row[order])], np.mean)
+    return noise_colour(noise) or WHITE
 
 
 def _harmonics(
     time: Array, voltage: Array, frequency: float, n_harmonics: int
-) -> tuple[ComplexArray, Array, float]:
-    """Return V_n, their standard deviations, and the noise per sample of one record."""
+) -> tuple[ComplexArray, Array, float, Array]:
+    """Return V_n, their standard deviations, the noise per sample, and what is left of a record.
+
+    The noise is white, and what is left (n_used,) is of the samples that are there.
+    """
     used = np.isfinite(voltage)
     t = time[used]
     v = voltage[used]
@@ -108,12 +151,14 @@ def _harmonics(
             f"a record of {periods:.2g} periods at {frequency:g} Hz cannot tell {n_harmonics} "
             "harmonics apart: record longer"
         )
-    noise = float(np.sqrt(np.sum((v - columns @ solution) ** 2) / (t.size - n_unknown)))
+    left = v - columns @ solution
+    noise = float(np.sqrt(np.sum(left**2) / (t.size - n_unknown)))
     sd = noise * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
     cosine = slice(1, n_harmonics + 1)
     sine = slice(n_harmonics + 1, None)
     values = np.concatenate([solution[:1], solution[cosine] + 1j * solution[sine]])
-    return values, np.concatenate([sd[:1], np.sqrt((sd[cosine] ** 2 + sd[sine] ** 2) / 2)]), noise
+    even = np.sqrt((sd[cosine] ** 2 + sd[sine] ** 2) / 2)
+    return values, np.concatenate([sd[:1], even]), noise, left
 
 
 def design(time: Array, frequency: float, n_harmonics: int) -> Array:

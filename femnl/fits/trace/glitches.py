@@ -2,19 +2,17 @@
 
 import numpy as np
 import xarray as xr
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.core.readout import Array
+from femnl.core.readout import HarmonicSpectrum
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
+from femnl.fits.trace.colour import beside_phase
 from femnl.fits.trace.decompose import design
 from femnl.io.measurement import estimate_noise
 
 ROUNDS = 4
 """Times that a record is decomposed without the glitches found so far."""
-AROUND = 7
-"""Samples of about one phase, whose median a sample is compared with."""
 CLEAR = 0.1
 """Relative difference of the noise that the spectra show and the stated one that is told."""
 
@@ -29,8 +27,8 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
     """Return traces whose glitches are missing samples, and what was left out.
 
     A glitch is a sample that stands out from the least squares of all harmonics, and from the
-    samples of about its phase, by more than chance allows, in units of the median scatter; at most
-    `MOST_GLITCHES` of a record.
+    samples of about its phase, by more than chance allows, in units of the median scatter. Where
+    more than `MOST_GLITCHES` of all samples stand out, none is a glitch.
     """
     if "drive_frequency" not in traces:
         return traces, ()
@@ -45,7 +43,9 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
         kept = used.copy()
         for _ in range(ROUNDS):
             solved, *_ = np.linalg.lstsq(columns[kept], row[kept], rcond=None)
-            left = np.where(used, _beside_phase(row - columns @ solved, order[used[order]]), 0.0)
+            left = np.where(
+                used, beside_phase(row - columns @ solved, order[used[order]], np.median), 0.0
+            )
             scatter = 1.4826 * float(np.median(np.abs(left[kept])))
             away = np.abs(left) / max(scatter, 1e-300)
             fresh = used & (away <= outlier_limit(away[used]))
@@ -53,52 +53,42 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
                 break
             kept = fresh
         gone = used & ~kept
-        if gone.sum() <= MOST_GLITCHES * used.sum():
-            row[gone] = np.nan
-            told += [
-                (f"step {step + 1}, t = {time[i]:.6g} s", float(away[i]))
-                for i in np.flatnonzero(gone)
-            ]
+        row[gone] = np.nan
+        told += [
+            (f"step {step + 1}, t = {time[i]:.6g} s", float(away[i])) for i in np.flatnonzero(gone)
+        ]
+    if len(told) > MOST_GLITCHES * np.isfinite(traces["voltage"].values).sum():
+        return traces, ()
     cleared = traces.assign(voltage=(traces["voltage"].dims, voltage))
     return cleared, tuple(sorted(told, key=lambda one: -one[1]))
 
 
-def _beside_phase(left: Array, order: NDArray[np.intp]) -> Array:
-    """Return residuals (n,) less what recurs in each period: what harmonics beyond the last leave.
-
-    A clipped signal leaves much at its corners, and a glitch would not stand out from that.
-
-    Args: order: the samples that are there, by their phase.
-    """
-    half = AROUND // 2
-    around = sliding_window_view(np.pad(left[order], half, mode="wrap"), AROUND)
-    found = left.copy()
-    # Without the sample itself: it would be the median of one record in so many
-    found[order] -= np.median(np.delete(around, half, axis=1), axis=1)
-    return found
-
-
-def found_factor(traces: xr.Dataset, left: Array, degrees: NDArray[np.int64]) -> float:
+def found_factor(
+    traces: xr.Dataset, spectrum: HarmonicSpectrum, degrees: NDArray[np.int64]
+) -> float:
     """Return the noise that spectra show beside all lines, over the stated one.
 
     1 where they differ by nothing that matters, where none is stated, and where records are too
     short to tell. It is no more than what the harmonics leave: samples that are left out are
     straight lines to a spectrum, which look like noise. More noise than stated is told only where
     the harmonics leave the same of every record: what they leave of harmonics beyond them varies
-    with the motion.
+    with the motion. Noise with a colour has no floor, and is what the harmonics leave.
 
-    Args: left (n_steps,) [V]: what the harmonics leave of each record, with `degrees` of freedom.
+    Args: degrees (n_steps,): of freedom of what the harmonics leave.
     """
     stated = traces.attrs.get("noise_sd")
     if stated is None:
         return 1.0
-    filled = traces["voltage"].interpolate_na("time", fill_value="extrapolate")
-    try:
-        floor = estimate_noise(traces.assign(voltage=filled))
-    except MeasurementError:
-        return 1.0
-    factor = min(floor, float(np.median(left))) / float(stated)
+    left = spectrum.noise_sd
+    noise = float(np.median(left))
+    if spectrum.correlation_length == 1:
+        filled = traces["voltage"].interpolate_na("time", fill_value="extrapolate")
+        try:
+            noise = min(noise, estimate_noise(traces.assign(voltage=filled)))
+        except MeasurementError:
+            return 1.0
+    factor = noise / float(stated)
     if abs(np.log(max(factor, 1e-300))) < CLEAR:
         return 1.0
-    apart = np.log(left / np.median(left)) * np.sqrt(2 * degrees)
+    apart = np.log(left / np.median(left)) * np.sqrt(2 * spectrum.independent * degrees)
     return factor if factor < 1 or np.abs(apart).max() < EVEN else 1.0

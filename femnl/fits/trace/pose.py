@@ -48,7 +48,7 @@ def pose(
     traces, left_out = without_glitches(raw, n_harmonics)
     spectrum = decompose(traces, n_harmonics)
     degrees = np.isfinite(traces["voltage"].values).sum(axis=1) - 2 * n_harmonics - 1
-    factor = found_factor(traces, spectrum.noise_sd, degrees)
+    factor = found_factor(traces, spectrum, degrees)
     sine = fit_spot(spectrum, wavelength)
     kept = spectrum.harmonic > 0
     harmonic = np.asarray(spectrum.harmonic[kept], np.int64)
@@ -71,6 +71,8 @@ def pose(
         if stated is None
         else ("as stored" if factor == 1 else f"{factor:.3g} times what is stored")
     )
+    length = spectrum.correlation_length
+    coloured = "" if length == 1 else f"; {length:.3g} neighbouring samples count as one"
     return TraceModel(
         film=film,
         wavelength=wavelength,
@@ -105,9 +107,11 @@ def pose(
             **stack_scales(film.model.stack),
         },
         noise_factor=factor,
+        correlation_length=spectrum.correlation_length,
+        independent=spectrum.independent,
         left_out=left_out,
         notes=(
-            f"trace: noise {engineering(float(noise), 'V')} per sample, {origin}",
+            f"trace: noise {engineering(float(noise), 'V')} per sample, {origin}{coloured}",
             f"trace: {len(harmonic)} harmonics at each step{thinned}; metres are those at the spot",
         ),
     )

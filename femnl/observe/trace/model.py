@@ -48,7 +48,8 @@ class TraceModel(MeasurementModel):
     harmonic (n_harmonics,); frequency (n_steps,) of the drive [Hz]; measured and sd (n_harmonics,
     n_steps) [V]; noise [V] per sample; left (n_steps,) [V]: what the harmonics leave of each
     record, of which noise of the size that the file states is part, empty where it states none;
-    degrees (n_steps,): degrees of freedom of `left`. folded: see `Folded`, of a clipped and of a
+    degrees (n_steps,): degrees of freedom of `left`, of which the part `independent` counts for its
+    variance. folded: see `Folded`, of a clipped and of a
     smooth signal. mode: the one whose frequency is nearest.
     """
 
@@ -71,6 +72,8 @@ class TraceModel(MeasurementModel):
     scales: Mapping[str, float]
     notes: tuple[str, ...]
     noise_factor: float = 1.0
+    correlation_length: float = 1.0
+    independent: float = 1.0
     left_out: tuple[tuple[str, float], ...] = ()
 
     @property
@@ -165,8 +168,10 @@ class TraceModel(MeasurementModel):
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of real and imaginary parts, and the rest of each record."""
         predicted, noise = self.predict(effects, base, values)
-        rest = (self.left / noise - 1) * np.sqrt(2 * self.degrees) if len(self.left) else self.left
-        return self._real(self.measured - predicted, rest)
+        if not len(self.left):
+            return self._real(self.measured - predicted)
+        spread = 1 / np.sqrt(2 * self.independent * self.degrees)
+        return self._real(self.measured - predicted, (self.left / noise - 1) / spread)
 
     def _real(self, volts: ComplexArray, rest: Array | None = None) -> Array:
         ratio = (volts / self.sd).ravel()
