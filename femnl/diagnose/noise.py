@@ -14,8 +14,10 @@ from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.observe.model import Layout
 from femnl.observe.noisy import FoundNoise
 
-COINCIDENCE = 0.05
+COINCIDENCE = 0.01
 """Probability of as many pairs of glitches at one condition, below which they are no glitches."""
+ALIKE = np.radians(12)
+"""Angle between the deviations of a pair, or their opposites, up to which they are of one phase."""
 
 
 def found_noise(
@@ -61,7 +63,8 @@ def _glitches(
     none is a glitch.
     """
     datum = _outlying(residuals, layout, dropped, factor)
-    found = _of(np.setdiff1d(datum, _recurring(layout, datum)), layout)
+    beside = residuals - _around(residuals, layout, dropped)[0]
+    found = _of(np.setdiff1d(datum, _recurring(layout, datum, beside)), layout)
     count = int(np.sum(layout.datum >= 0))
     few = np.sum(found | dropped) <= MOST_GLITCHES * count
     return found if few else np.zeros(len(residuals), dtype=bool)
@@ -105,10 +108,13 @@ def _median(values: Array, present: NDArray[np.bool_]) -> Array:
     return np.where(count > 0, (low + high) / 2, 0.0)
 
 
-def _recurring(layout: Layout, datum: NDArray[np.int64]) -> NDArray[np.int64]:
+def _recurring(layout: Layout, datum: NDArray[np.int64], beside: Array) -> NDArray[np.int64]:
     """Return those data that others, of the same or the next conditions, deviate along with.
 
-    There are none where chance brings as many together.
+    What a model lacks at a condition has one phase in all lines, or the opposite one; that of
+    glitches is random. There are none where chance brings as many together.
+
+    Args: beside (n,): residuals less the median of those around each.
     """
     conditions = int(layout.repeated.max(initial=-1)) + 1
     if not conditions or not len(datum):
@@ -116,12 +122,16 @@ def _recurring(layout: Layout, datum: NDArray[np.int64]) -> NDArray[np.int64]:
     condition = np.full(int(layout.datum.max()) + 1, -1)
     condition[layout.datum[layout.datum >= 0]] = layout.repeated[layout.datum >= 0]
     mine = condition[datum]
+    away = np.array([beside[layout.datum == d] for d in datum])
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    alike = np.abs(away @ away.T) >= np.cos(ALIKE)
+    by_phase = 2 * ALIKE / np.pi if away.shape[1] == 2 else 1.0
     apart = np.abs(mine[:, None] - mine[None, :])
     placed = mine >= 0
-    together = (apart <= 1) & placed[:, None] & placed[None, :]
+    together = (apart <= 1) & placed[:, None] & placed[None, :] & alike
     np.fill_diagonal(together, False)
     pairs = int(together.sum()) // 2
-    by_chance = placed.sum() * (placed.sum() - 1) / 2 * 3 / conditions
+    by_chance = placed.sum() * (placed.sum() - 1) / 2 * 3 / conditions * by_phase
     if poisson.sf(pairs - 1, by_chance) > COINCIDENCE:
         return np.empty(0, np.int64)
     recurring: NDArray[np.int64] = datum[together.any(axis=1)]

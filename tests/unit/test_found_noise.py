@@ -153,3 +153,34 @@ def test_what_oscillates_beside_the_noise_of_a_record_is_no_noise(size: float) -
     misfit = size * np.cos(2 * np.pi * np.arange(SWEEPS * POINTS) / 9.3)
     found = found_noise(white(10) + misfit, record(), FoundNoise())
     assert (found.factor, found.correlation) == (1.0, 0.0)
+
+
+def both_quadratures() -> Layout:
+    """Return the layout of the real, then of the imaginary parts of the same sweeps."""
+    one = sweeps(repeated=True)
+    n = len(one.datum)
+    near = np.where(one.near < 0, -1, one.near + n)
+    before = np.where(one.previous < 0, -1, one.previous + n)
+    return Layout(
+        np.concatenate([one.near, near]),
+        np.concatenate([one.previous, before]),
+        np.tile(one.datum, 2),
+        np.tile(one.repeated, 2),
+    )
+
+
+def test_glitches_of_any_phase_are_glitches_and_what_has_one_phase_is_none() -> None:
+    n = SWEEPS * POINTS
+    everywhere = np.array([2, 7, 11, 13]) * POINTS + [60, 60, 61, 60]
+    away = {
+        "any": 80 * np.exp(1j * np.array([0.2, 1.9, 0.9, 2.7])),
+        "one": np.array([40, -80, 60, 90]) * np.exp(0.6j),
+        "one, of a pair": np.array([40, -80]) * np.exp(0.6j),
+    }
+    for phases, volts in away.items():
+        at = everywhere[: len(volts)]
+        residuals = np.random.default_rng(12).standard_normal(2 * n)
+        residuals[at] += volts.real
+        residuals[at + n] += volts.imag
+        found = found_noise(residuals, both_quadratures(), FoundNoise()).glitches
+        assert set(found) == (set(at) | set(at + n) if phases == "any" else set())

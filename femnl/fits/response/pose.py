@@ -10,6 +10,7 @@ from femnl.core.fit import Fit
 from femnl.core.readout import Array
 from femnl.fits.response.choice import CONJUGATED, sign_of_phase, turned
 from femnl.fits.response.fit import first_layout, fit_response
+from femnl.fits.response.spikes import without_spikes
 from femnl.fits.response.tried import ADEQUATE
 from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
@@ -32,9 +33,11 @@ def pose(
             "response: it holds magnitudes alone, and a diagnosis needs both quadratures; measure "
             "them, or use femnl fit, which takes magnitudes"
         )
-    sign = sign_of_phase(sweeps, first_layout(sweeps, "complex"))
+    smooth = without_spikes(dataset, sweeps.noise)
+    clear = collect(smooth)
+    sign = sign_of_phase(clear, first_layout(clear, "complex"))
     sweeps = turned(sweeps, sign)
-    fitted = _first_fit(dataset, sign)
+    fitted = _first_fit(smooth, sign)
     mode = _mode(dataset, film, fitted["frequency"])
     alpha = float(film.alpha[mode])
     count = sweeps.n_positions
