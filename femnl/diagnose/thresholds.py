@@ -157,10 +157,12 @@ class Thresholds:
     )
     least_share_of_alike: float = _threshold(
         0.99,
-        "the same where smooth directions span much of the data, as of a spectrum, and in maps: "
+        "the same where smooth directions span much of the data, as of a spectrum, and in maps, "
+        "decays and traces: "
         "there one smooth cause takes up most of another, a compliant clamp 97 % of a yielding "
         "edge in tests/physics/test_yielding_edge.py, an admixture of modes 98 % of a drift in "
-        "tests/unit/test_diagnose_map_causes.py",
+        "tests/unit/test_diagnose_map_causes.py; in decays a stiffness that grows with amplitude "
+        "90 to 96 % of a drift, in traces a slow detector 97 to 98 % of a trigger's jitter",
         _REALISTIC,
     )
     few_data: float = _threshold(

@@ -23,6 +23,8 @@ from femnl.observe.noisy import without_noise
 
 NEEDLESS = float(np.log(THRESHOLDS.needless_odds))
 """Logarithm of the odds that decide whether further causes are needless, either way."""
+OF_FEW_SHAPES = frozenset({"decay", "trace"})
+"""Kinds whose causes are smooth functions of one variable: time, or the number of a harmonic."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +130,13 @@ class Weighed:
     def alike(self) -> bool:
         """Whether one smooth cause resembles another.
 
-        It does where smooth directions span much of the data, and over a plane, where causes are
-        smooth fields.
+        It does where smooth directions span much of the data, over a plane, where causes are smooth
+        fields, and in kinds of few shapes.
         """
         spanned = len(self.allowed.directions) / len(self.base.result.residuals)
-        layout = self.base.result.model.base_model.layout
-        return (layout is not None and layout.planar) or spanned >= THRESHOLDS.few_data
+        model = self.base.result.model.base_model
+        planar = model.layout is not None and model.layout.planar
+        return planar or model.kind in OF_FEW_SHAPES or spanned >= THRESHOLDS.few_data
 
     @property
     def least_share(self) -> float:
@@ -250,19 +253,21 @@ class Weighed:
     def left_in_part(self) -> list[Candidate]:
         """Return sets of which one is right beyond doubt, though none is alone, likeliest first.
 
-        There are none where one of them seems to imitate what the library lacks.
+        What a further cause adds to one of them that does not count speaks for that set as well.
+        There are none where one of them seems to imitate what the library lacks, and where there
+        would be more than a reader is told.
         """
         ranked = sorted(self.found, key=lambda c: -self.graded.get(c.names, 0.0))
         total = 0.0
-        sets = []
-        for candidate in ranked[: 1 + THRESHOLDS.most_rivals]:
+        sets: list[Candidate] = []
+        for candidate in ranked:
             if not candidate.names or may_imitate(candidate):
                 return []
-            if self.each_counts(candidate):
+            if self.each_counts(candidate) and len(sets) <= THRESHOLDS.most_rivals:
                 sets.append(candidate)
             elif not any(set(known.names) < set(candidate.names) for known in sets):
                 return []
-            total += self.graded[candidate.names]
+            total += self.graded.get(candidate.names, 0.0)
             if total >= self.least_inclusion:
                 return sets
         return []

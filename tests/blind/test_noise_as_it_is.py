@@ -28,8 +28,12 @@ def test_sweeps_with_glitches_alone_are_adequate_and_the_glitches_are_listed(
         Draw("record", (), "correlated noise", "square-270um", 711921186),
         Draw("record", (), "wrong sd", "square-270um", 3496539343),
         Draw("trace", (), "glitches", "square-270um", 1446199729),
+        Draw("trace", (), "correlated noise", "square-270um", 5009),
+        Draw("trace", (), "glitches", "square-270um", 6009),
+        Draw("response", (), "glitches", "square-270um", 6017),
+        Draw("response", (), "glitches", "square-270um", 6030),
     ],
-    ids=lambda draw: f"{draw.kind}-{draw.regime}",
+    ids=lambda draw: f"{draw.kind}-{draw.regime}-{draw.seed}",
 )
 def test_nothing_but_noise_that_once_was_unexplained_is_adequate(
     draw: Draw, tmp_path: Path
@@ -101,3 +105,32 @@ def test_a_glitch_larger_than_every_signal_does_not_hide_a_detector_that_clips(
     found = diagnose(tmp_path / "file.nc", effects=effects)
     assert (found.verdict, found.causes) == ("explained", ("one_sided_saturation",))
     assert len(found.excluded) == len([size for size in truth["glitches"] if size > 10])
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        Draw("decay", ("frequency_drift",), "lacking", "square-270um", 2818080428),
+        pytest.param(
+            Draw("trace", ("trigger_jitter",), "lacking", "square-270um", 3760091054),
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=lambda draw: draw.kind,
+)
+def test_what_takes_up_most_of_another_cause_that_the_library_lacks_is_not_named(
+    draw: Draw, tmp_path: Path
+) -> None:
+    make(draw, tmp_path / "file.nc")
+    known = [effect for effect in library().values() if effect.name not in draw.causes]
+    found = diagnose(tmp_path / "file.nc", effects=known)
+    assert (found.verdict, found.causes) == ("unexplained", ())
+
+
+def test_one_of_two_sets_that_take_up_nearly_all_is_told_with_the_other(tmp_path: Path) -> None:
+    draw = Draw("spectrum", ("aspect_ratio",), "inexact", "square-270um", 171351765)
+    make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert found.verdict == "ambiguous"
+    sets = {found.causes, *(rival.causes for rival in found.rivals)}
+    assert sets == {("aspect_ratio",), ("stress_anisotropy",)}
