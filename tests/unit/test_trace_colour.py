@@ -90,6 +90,22 @@ def test_harmonics_and_noise_scatter_as_told(following: tuple[float, ...]) -> No
     assert spread == pytest.approx(1, abs=0.15)
 
 
+@pytest.mark.parametrize("what", ["tone", "slow tone", "drift", "random walk", "nothing"])
+def test_what_is_no_noise_of_these_records_has_no_colour(what: str) -> None:
+    sample = np.arange(1024)
+    walk = np.cumsum(np.random.default_rng(8).standard_normal((STEPS, 1024)), axis=1)
+    added = {
+        "tone": np.cos(0.3 * sample),
+        "slow tone": np.cos(0.003 * sample),
+        "drift": np.linspace(-1, 1, 1024),
+        "random walk": 0.05 * walk,
+        "nothing": np.zeros(1024),
+    }[what]
+    volts = trace(FRINGE, TIME, F, U, 0.4) + SD * added * np.ones((STEPS, 1))
+    found = decompose(record(TIME, volts, drive_frequency=np.full(STEPS, F)))
+    assert (found.correlation_length, found.independent) == (1.0, 1.0)
+
+
 def test_harmonics_beyond_the_last_hide_no_colour() -> None:
     rng = np.random.default_rng(2)
     volts = np.clip(trace(FRINGE, TIME, F, U, 0.4), -0.008, 0.01) + noise(LOW_PASS, rng)

@@ -17,6 +17,9 @@ HIGHEST_ORDER = 6
 """Samples before that noise may follow: low passes of a detector and its filters have few poles."""
 ROUNDS = 3
 """Times that the colour is found, with what was taken of the noise as the one before tells."""
+ROUNDING = 1e-15
+NARROWEST = 4.0
+"""Half width of a peak of noise, in steps of a record's spectrum, below which it is a line."""
 LINE = 1e-3
 """Probability of a peak in the spectrum of white noise, below which it is a line."""
 GRID = 4096
@@ -53,6 +56,13 @@ class Colour:
         return float(power.mean() ** 2 / np.mean(power**2))
 
     @property
+    def narrowest(self) -> float:
+        """Half width of the narrowest peak of the power, in cycles a sample; ∞ for white noise."""
+        poles = np.roots(np.concatenate([[1.0], -self.following]))
+        nearest = float(np.max(np.abs(poles), initial=0.0))  # to the unit circle
+        return -np.log(nearest) / (2 * np.pi) if nearest else np.inf
+
+    @property
     def _grid(self) -> Array:
         return (np.arange(GRID) + 0.5) / (2 * GRID)
 
@@ -68,8 +78,9 @@ WHITE = Colour(np.empty(0))
 def noise_colour(left: Array, taken: Array | None = None) -> Colour | None:
     """Return the colour of what is left of traces, white where no other is clear.
 
-    The order is the one of least −2 ln L + p ln N. None where the white part w has a line: then
-    something beats in the records.
+    The order is the one of least −2 ln L + p ln N. None where a line is left, as of a tone that
+    beats in the records, or of a drift: in the white part w, or as a peak of the colour that is too
+    narrow for these records.
 
     Args: left (n_steps, n_samples) [V]: at equal intervals, NaN where a sample is missing. taken:
         frequencies in cycles a sample of sines that least squares took out of each row, and of the
@@ -86,12 +97,13 @@ def noise_colour(left: Array, taken: Array | None = None) -> Colour | None:
     for _ in range(1 if taken is None else ROUNDS):
         covariance = seen if taken is None else seen + _taken(best, taken, seen[0], left.shape)
         fits = [Colour(_following(covariance, p)) for p in lags]
-        cost = [
-            count * np.log(1 - fit.following @ covariance[1 : p + 1] / covariance[0])
-            + p * np.log(count)
-            for p, fit in enumerate(fits)
+        driving = [
+            1 - fit.following @ covariance[1 : p + 1] / covariance[0] for p, fit in enumerate(fits)
         ]
+        cost = count * np.log(np.maximum(driving, ROUNDING)) + np.log(count) * np.arange(len(fits))
         best = fits[int(np.argmin(cost))]
+        if best.narrowest < NARROWEST / left.shape[1]:
+            return None
     white = lfilter(np.concatenate([[1.0], -best.following]), [1.0], known, axis=-1)
     return None if _has_line(white) else best
 
