@@ -95,7 +95,13 @@ def _harmonics_shown(name: str, spectrum: HarmonicSpectrum) -> list[Group | str]
         f"{name}: harmonics at the strongest step, drive "
         f"{spectrum.drive_frequency[strongest]:.9g} Hz"
     )
-    return [table(title, ["harmonic", "|V| (mV)", "phase (°)", "± (mV)"], rows)]
+    shown: list[Group | str] = [table(title, ["harmonic", "|V| (mV)", "phase (°)", "± (mV)"], rows)]
+    if spectrum.correlation_length != 1:
+        shown.append(
+            "  the noise is not white: ± is that of each harmonic's frequency, and "
+            f"{spectrum.correlation_length:.3g} neighbouring samples count as one"
+        )
+    return shown
 
 
 def ringdown(name: str, dataset: xr.Dataset, fixed: Texts, *, envelope: bool) -> dict[str, Outcome]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from femnl.cli._main import run
 from femnl.core.resonator import Resonator
@@ -383,3 +384,17 @@ def test_every_fit_of_the_commands_page_is_understood(capsys: pytest.CaptureFixt
     for words in commands:
         assert run(words) == 2
         assert capsys.readouterr().err == f"femnl: {words[1]}: no such file; check the path\n"
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_noise_of_traces_that_is_not_white_is_told(
+    rho: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    time = np.arange(1024) / 125e6
+    white = np.random.default_rng(4).standard_normal((4, 1024))
+    noise = lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], white, axis=-1)
+    volts = 0.02 * np.cos(2 * np.pi * 1.466e6 * time) + 3e-4 * noise
+    data = measurement.trace(time, volts, drive_frequency=np.full(4, 1.466e6))
+    measurement.write(measurement.bundle({"scope": data}), "t.nc")
+    assert run(["fit", "t.nc"]) == 0
+    assert ("the noise is not white" in capsys.readouterr().out) == (rho > 0)
