@@ -358,7 +358,8 @@ def test_intervals_hold_the_truth_about_two_times_in_three(
 def test_intervals_hold_the_truth_in_68_percent_of_400_draws(
     use: Use, noise: float, drives: tuple[float, ...]
 ) -> None:
-    np.testing.assert_allclose(coverage(use, 400, noise, drives), 0.683, atol=0.04)
+    # 0.68 ± 0.07 is three standard deviations; twelve rates are looked at.
+    np.testing.assert_allclose(coverage(use, 400, noise, drives), 0.683, atol=0.07)
 
 
 def test_the_linear_peak_of_a_fit_is_where_alpha_c_counts_from() -> None:
