@@ -17,7 +17,7 @@ HIGHEST_ORDER = 6
 """Samples before that noise may follow: low passes of a detector and its filters have few poles."""
 ROUNDS = 3
 """Times that the colour is found, with what was taken of the noise as the one before tells."""
-ROUNDING = 1e-15
+ROUNDING = 1e-15  # of what drives noise that its past tells wholly, as that of a tone
 NARROWEST = 4.0
 """Half width of a peak of noise, in steps of a record's spectrum, below which it is a line."""
 LINE = 1e-3
