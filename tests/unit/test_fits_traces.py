@@ -7,7 +7,8 @@ import xarray as xr
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array, ComplexArray
 from femnl.device.geometry import load
-from femnl.fits.trace.decompose import align, decompose, jitter_gain
+from femnl.fits.trace.decompose import decompose
+from femnl.fits.trace.jitter import align, jitter_gain
 from femnl.fits.trace.pose import pose
 from femnl.io.measurement import trace as record
 from femnl.observe.film import SimulatedFilm
