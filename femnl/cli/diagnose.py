@@ -266,7 +266,7 @@ def _show(found: Diagnosis) -> None:
     _show_shares(found)
     if found.contributions is not None:
         _show_contributions(found.contributions)
-    values = ["without causes", "with them"] if found.causes else ["value"]
+    values = ["without causes", "with them", "equations add"] if found.causes else ["value"]
     head = ["of", "name", *values, "unit"]
     console().print(table("Parameters", head, parameter_rows(found)))
     before = found.before

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,12 +27,19 @@ class Parameter:
     """One fitted number in `unit`.
 
     value, and standard deviation sd (68 % where normal; inf where the data say nothing).
+    equation_sd: what the inexact equations of named causes add to it, in quadrature.
     """
 
     name: str
     value: float
     sd: float
     unit: str
+    equation_sd: float = 0.0
+
+    @property
+    def whole_sd(self) -> float:
+        """√(sd² + equation_sd²)."""
+        return hypot(self.sd, self.equation_sd)
 
 
 def parameter_columns(parameters: Iterable[Parameter]) -> dict[str, list[str]]:

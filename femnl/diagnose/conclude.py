@@ -19,6 +19,7 @@ from femnl.core.fit import Parameter
 from femnl.core.numbers import plain
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.contributions import contributions
+from femnl.diagnose.equation_errors import equation_sd
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.measure_next import measure_next
@@ -54,7 +55,7 @@ def conclude(
         verdict=judged.verdict,
         causes=best.names,
         probability=_probability(judged, base),
-        parameters=_parameters(best, judged.inflation),
+        parameters=_parameters(best, base, judged.inflation),
         alternatives=tuple(Alternative(c.names, share.get(c.names, 0.0)) for c in listed),
         p_value=base.p_value,
         where=_where(base, judged)
@@ -62,7 +63,7 @@ def conclude(
         before=before,
         after=after,
         measure_next=measure_next(judged, found),
-        base_parameters=_parameters(base)["base"],
+        base_parameters=_parameters(base, base)["base"],
         trials=tuple(
             Trial(c.names, c.result.chi2, c.weight - base.weight, c.p_value, _against(c))
             for c in found
@@ -199,18 +200,26 @@ def _where(base: Candidate, judged: Judgement) -> str:
     )
 
 
-def _parameters(candidate: Candidate, inflation: float = 1.0) -> dict[str, dict[str, Parameter]]:
-    """Return values and standard deviations by owner and name, the latter larger by a factor."""
+def _parameters(
+    candidate: Candidate, base: Candidate, inflation: float = 1.0
+) -> dict[str, dict[str, Parameter]]:
+    """Return values and standard deviations by owner and name.
+
+    Args: inflation: a factor on standard deviations by the data.
+    """
+    model = candidate.result.model
     sd = inflation * np.sqrt(np.diag(candidate.result.covariance))
+    rows = zip(
+        model.parameters, candidate.result.vector, sd, equation_sd(candidate, base), strict=True
+    )
     found: dict[str, dict[str, Parameter]] = {"base": {}}
-    for (owner, spec), value, s in zip(
-        candidate.result.model.parameters, candidate.result.vector, sd, strict=True
-    ):
-        common = abs(value) * candidate.result.model.base_model.systematic(spec.unit)
-        number, spread = (np.rint(value), 0.0) if spec.whole else (value, np.hypot(s, common))
-        found.setdefault(owner, {})[spec.name] = Parameter(
-            spec.name, float(number), float(spread), spec.unit
+    for (owner, spec), value, s, moved in rows:
+        common = abs(value) * model.base_model.systematic(spec.unit)
+        exact = Parameter(spec.name, float(np.rint(value)), 0.0, spec.unit)
+        fitted = Parameter(
+            spec.name, float(value), float(np.hypot(s, common)), spec.unit, float(moved)
         )
+        found.setdefault(owner, {})[spec.name] = exact if spec.whole else fitted
     return found
 
 

@@ -260,12 +260,11 @@ def effects_of(candidate: Candidate) -> tuple[Effect, ...]:
     return candidate.result.model.effects
 
 
-def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
+def changed_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
     """Return what one cause of a fitted set changes of every residual (n,).
 
     Its strengths at zero against their values; of a cause without strengths, the whole change from
-    the base model. What parameters of the base model do as well is left out: a cause that acts
-    strongly, and is balanced by them, may not miss the data the more for it.
+    the base model.
     """
     result = candidate.result
     if not has_zero(effect):
@@ -274,10 +273,22 @@ def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
     base_values, values = result.model.split(result.vector)
     without = idle(effects, values, (effect.name,))
     model = result.model.base_model
-    done = np.asarray(model.residuals(effects, base_values, without) - result.residuals)
+    return np.asarray(model.residuals(effects, base_values, without) - result.residuals)
+
+
+def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
+    """Return what one cause changes of every residual (n,) that no base parameter could.
+
+    A cause that acts strongly, and is balanced by parameters of the base model, may not miss the
+    data the more for it. Of a cause without strengths, the base model is fitted already.
+    """
+    changed = changed_by(candidate, base, effect)
+    if not has_zero(effect):
+        return changed
+    result = candidate.result
     of_base = np.array([owner == "base" for owner, _ in result.model.parameters])
     own, _ = np.linalg.qr(result.jacobian[:, of_base & result.free])
-    return np.asarray(done - own @ (own.T @ done))
+    return np.asarray(changed - own @ (own.T @ changed))
 
 
 def has_zero(effect: Effect) -> bool:

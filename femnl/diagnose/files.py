@@ -10,9 +10,10 @@ from femnl.core.contributions import Account, Contributions, Term
 from femnl.core.device import Model
 from femnl.core.diagnosis import Covariance, Diagnosis, NoiseTold
 from femnl.core.errors import ParameterError
+from femnl.core.fit import Parameter
 from femnl.io.results.atomic import write_text_whole, write_whole
 
-VERSION = "1.2"
+VERSION = "1.3"
 TABLE = "contributions.csv"
 DIGITS = "%.12g"
 """Numbers of the table: frequencies are known to 1e-10, and sums shall add up."""
@@ -30,7 +31,7 @@ def record(diagnosis: Diagnosis) -> dict[str, Any]:
         "causes": list(diagnosis.causes),
         "probability": diagnosis.probability,
         "parameters": {
-            owner: {name: {"value": p.value, "sd": p.sd, "unit": p.unit} for name, p in own.items()}
+            owner: {name: _parameter_record(p) for name, p in own.items()}
             for owner, own in diagnosis.parameters.items()
         },
         "covariance": _covariance_record(diagnosis.covariance),
@@ -51,6 +52,10 @@ def record(diagnosis: Diagnosis) -> dict[str, Any]:
         "noise": _noise_record(diagnosis.noise),
         "contributions": _contributions_record(diagnosis.contributions),
     }
+
+
+def _parameter_record(p: Parameter) -> dict[str, Any]:
+    return {"value": p.value, "sd": p.sd, "equation_sd": p.equation_sd, "unit": p.unit}
 
 
 def _geometry_record(model: Model | None) -> dict[str, str] | None:

@@ -15,9 +15,10 @@ MOST = 12
 
 
 def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """Return the owner, name, value before and after, unit; one value where no cause is named.
+    """Return the owner, name, value before and after, what equations may add to its error, unit.
 
-    The base parameters first, also those that a cause replaces.
+    Where no cause is named, the owner, name, value and unit. The base parameters come first, also
+    those that a cause replaces.
     """
     before = diagnosis.base_parameters
     after = diagnosis.parameters
@@ -29,7 +30,7 @@ def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
             rows += [_row(owner, name, None, parameter) for name, parameter in own.items()]
     if diagnosis.causes:
         return rows
-    return [[owner, name, value, unit] for owner, name, _, value, unit in rows]
+    return [[owner, name, value, unit] for owner, name, _, value, _, unit in rows]
 
 
 def bound_rows(bounds: tuple[Bound, ...]) -> list[list[str]]:
@@ -84,7 +85,8 @@ def _cell(rho: float) -> tuple[str, float, str]:
 
 def _row(owner: str, name: str, before: Parameter | None, after: Parameter | None) -> list[str]:
     scale = _scale([parameter for parameter in (after, before) if parameter is not None])
-    return [owner, name, _value(before, scale), _value(after, scale), scale.unit]
+    told = [_value(before, scale), _value(after, scale), _by_equations(after, scale)]
+    return [owner, name, *told, scale.unit]
 
 
 def _scale(parameters: list[Parameter]) -> Scale:
@@ -107,3 +109,9 @@ def _value(parameter: Parameter | None, scale: Scale) -> str:
     if parameter is None:
         return "–"
     return with_error(parameter.value / scale.size, parameter.sd / scale.size, 2)
+
+
+def _by_equations(parameter: Parameter | None, scale: Scale) -> str:
+    if parameter is None or not np.isfinite(parameter.equation_sd) or parameter.equation_sd == 0:
+        return "–"
+    return f"± {plain(parameter.equation_sd / scale.size, 2)}"

@@ -199,10 +199,13 @@ def run(job: Job) -> dict[str, Any]:
     }
 
 
-def _pulls(case: Case, truth: dict[str, Any], found: Diagnosis) -> dict[str, float]:
+def _pulls(
+    case: Case, truth: dict[str, Any], found: Diagnosis, exact: bool = True
+) -> dict[str, float]:
     """(value − truth)/sd of every parameter that can be compared.
 
-    Parameters of one laser or measurement by their last name.
+    Parameters of one laser or measurement by their last name. Where equations are not exact, what
+    their accuracy adds is in the sd.
     """
     known = {("base", name): truth["base"][name] for name in BASE[case.kind]}
     for cause, values in truth["causes"].items():
@@ -234,5 +237,5 @@ def _pulls(case: Case, truth: dict[str, Any], found: Diagnosis) -> dict[str, flo
             if whole in FRINGE:
                 away -= FRINGE[whole] * round(away / FRINGE[whole])
             if fitted.sd > 0:
-                pulls[f"{owner}.{name}"] = away / fitted.sd
+                pulls[f"{owner}.{name}"] = away / (fitted.sd if exact else fitted.whole_sd)
     return pulls

@@ -236,9 +236,9 @@ def test_parameters_count_in_units_that_their_errors_fit() -> None:
         )
     )
     rows = {name: rest for _, name, *rest in parameter_rows(found)}
-    assert rows["small"] == ["–", "0.03 ± 0.13", "nm"]
-    assert rows["large"] == ["–", "399.80 ± 0.12", "nm"]
-    assert rows["begin"] == ["3.16 ± 0.34", "−0.79 ± 0.34", "mV"]
+    assert rows["small"] == ["–", "0.03 ± 0.13", "–", "nm"]
+    assert rows["large"] == ["–", "399.80 ± 0.12", "–", "nm"]
+    assert rows["begin"] == ["3.16 ± 0.34", "−0.79 ± 0.34", "–", "mV"]
 
 
 def test_ranges_of_one_reason_share_a_row() -> None:

@@ -118,7 +118,8 @@ def run(k: int, draw: Draw, limit: float) -> dict[str, Any]:
         seconds = time.process_time() - start
     pulls = {}
     if sorted(found.causes) == sorted(draw.causes):
-        pulls = _pulls(Case(draw.kind, draw.causes, draw.seed, draw.geometry), truth, found)
+        case = Case(draw.kind, draw.causes, draw.seed, draw.geometry)
+        pulls = _pulls(case, truth, found, exact=truth["options"]["deviation"] == 0)
     return known_of | {
         "verdict": answer["verdict"],
         "named": sorted(answer["causes"]),
