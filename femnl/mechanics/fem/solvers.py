@@ -5,10 +5,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, tril
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
 
 from femnl.core.errors import ConvergenceError
@@ -64,11 +65,7 @@ INDEFINITE = (
 def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
     cvxopt = import_module("cvxopt")
     cholmod = import_module("cvxopt.cholmod")
-    lower = stiffness.tocoo()
-    keep = lower.row >= lower.col
-    stored = cvxopt.spmatrix(
-        lower.data[keep], lower.row[keep].astype(int), lower.col[keep].astype(int), size=lower.shape
-    )
+    stored = _lower_triangle(stiffness)
     cholmod.options["supernodal"] = 2
     factor = cholmod.symbolic(stored)
     try:
@@ -82,6 +79,14 @@ def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
         return np.array(work).reshape(np.shape(right), order="C")
 
     return solve
+
+
+def _lower_triangle(matrix: csc_matrix) -> Any:
+    """Return the lower triangle of a symmetric matrix as one of cvxopt."""
+    cvxopt = import_module("cvxopt")
+    lower = tril(matrix, format="coo")
+    at = [cvxopt.matrix(index.astype(np.int64)) for index in (lower.row, lower.col)]
+    return cvxopt.spmatrix(cvxopt.matrix(lower.data), *at, size=lower.shape)
 
 
 def lowest_eigenpairs(stiffness: csc_matrix, mass: csc_matrix, count: int) -> tuple[Array, Array]:
@@ -201,22 +206,37 @@ def _factorize_indefinite(matrix: csc_matrix) -> tuple[Solve, int]:
     its diagonal are those of the eigenvalues.
     """
     logging.getLogger("femnl.progress").info("solving for %s unknowns", f"{matrix.shape[0]:,}")
+    order = _minimum_degree(matrix) if HAS_CHOLMOD else np.arange(matrix.shape[0])
     try:
         factor = splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
+            csc_matrix(matrix[order][:, order]),
+            permc_spec="NATURAL" if HAS_CHOLMOD else "MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
     except RuntimeError as error:  # exactly singular
         raise ConvergenceError(ON_A_MODE) from error
+
+    def solve(right: Array) -> Array:
+        found = np.empty_like(right)
+        found[order] = factor.solve(right[order])
+        return found
+
     probe = np.random.default_rng(1).standard_normal(matrix.shape[0])
-    missed = np.linalg.norm(matrix @ factor.solve(probe) - probe) / np.linalg.norm(probe)
+    missed = np.linalg.norm(matrix @ solve(probe) - probe) / np.linalg.norm(probe)
     if missed > RESIDUAL or not np.array_equal(factor.perm_r, factor.perm_c):
         raise ConvergenceError(ON_A_MODE)
-    return lambda right: np.asarray(factor.solve(np.asarray(right))), int(
-        np.sum(factor.U.diagonal() < 0)
-    )
+    return solve, int(np.sum(factor.U.diagonal() < 0))
+
+
+def _minimum_degree(matrix: csc_matrix) -> NDArray[np.int64]:
+    """Return the order (n,) of elimination by approximate minimum degree.
+
+    The multiple minimum degree of SuperLU leaves as much fill, and may take long to be found: 7 of
+    7.3 s for 81 000 unknowns of second degree between holes, where this one takes 0.06 s.
+    """
+    amd = import_module("cvxopt.amd")
+    return np.array(amd.order(_lower_triangle(matrix), uplo="L"), dtype=np.int64).ravel()
 
 
 ON_A_MODE = (
