@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +25,7 @@ from femnl.diagnose.posing import Posing, opened
 from femnl.diagnose.search import SIZES, better, refitted, search
 from femnl.diagnose.sent import considered, sent
 from femnl.diagnose.verdict import NOISE_IS_LARGER
-from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
+from femnl.diagnose.worker_pool import Pose, Posed, Run, WorkerPool, worker_pool
 from femnl.effects import fingerprint
 from femnl.io import measurement
 from femnl.observe.noisy import FoundNoise
@@ -79,22 +78,19 @@ def _diagnosed(
     with (
         remembered(digest, model, fingerprint(pool)) as checkpoint,
         one_blas_thread(),
-        ExitStack() as helpers,
+        worker_pool(workers, checkpoint) as processes,
     ):
         posing = Posing(path, geometry, sent(pool, workers))
         noise = _first_noise(posing, checkpoint)
         found: list[Candidate] = []
         for left in reversed(range(SEARCHES)):
-            searching = _Searching(
-                partial(posing, noise=noise), workers, helpers, checkpoint, noise
-            )
+            searching = _Searching(partial(posing, noise=noise), processes, checkpoint, noise)
             found, run = searching.searched(found)
             best = max(found, key=lambda candidate: candidate.weight)
             seen = last_noise(best, noise)
             if seen == noise or not left:
                 break
             noise = seen
-            helpers.close()  # they posed the model with other noise
         concluded = conclude(
             str(path), digest, found, (*tree.attrs.get("repairs", ()), *_notes(found)), run
         )
@@ -128,13 +124,11 @@ def _first_noise(posing: Callable[..., Posed], checkpoint: Checkpoint) -> Noise:
 class _Searching:
     """The search for causes of one measurement, or of several jointly.
 
-    pose: poses the model and its effects. workers: processes that fit; helpers: ends them.
-    noise: that the model has.
+    pose: poses the model and its effects. processes: those that fit. noise: that the model has.
     """
 
     pose: Callable[..., Posed]
-    workers: int
-    helpers: ExitStack
+    processes: WorkerPool
     checkpoint: Checkpoint
     noise: Noise
 
@@ -159,18 +153,18 @@ class _Searching:
         return max(((found, run), other), key=lambda one: max(c.weight for c in one[0]))
 
     def _sought(self, pose: Pose, earlier: list[Candidate]) -> tuple[list[Candidate], Run]:
-        mine = self.helpers.enter_context(worker_pool(pose, self.workers, self.checkpoint))
-        model, library = mine.posed()
+        posed = self.processes.posed(pose)
+        model, library, run = posed.model, posed.effects, posed.run
         if earlier:
-            again = refitted(model, library, earlier, mine.run)
+            again = refitted(model, library, earlier, run)
             explained = any(candidate.viable and candidate.names for candidate in again)
             went_through = any(len(candidate.names) == len(SIZES) for candidate in earlier)
             if explained or went_through:  # which sets to try hardly depends on the noise
-                return again, mine.run
+                return again, run
             # Cut short, so that this one begins with the noise that it showed
-            found = search(model, library, mine.run, self.checkpoint)
-            return better(found, again), mine.run
-        return search(model, library, mine.run, self.checkpoint, self._other), mine.run
+            found = search(model, library, run, self.checkpoint)
+            return better(found, again), run
+        return search(model, library, run, self.checkpoint, self._other), run
 
     def _other(self, best: Candidate) -> float | None:
         """Return the noise that causes leave over that of the model, None where it is the same.

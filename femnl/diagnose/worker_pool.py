@@ -58,39 +58,59 @@ def in_turn(jobs: Sequence[Job[T]]) -> list[T]:
 
 
 class WorkerPool:
-    """This process and helpers, which take jobs as soon as they are there.
+    """Processes that help this one with one problem after the other."""
 
-    Problem and effects go by name, as each process has its own; what else jobs and results hold is
-    sent. What a helper finds is what this process would find, to the last bit, and its fits come
-    into the checkpoint here.
-    """
-
-    def __init__(
-        self,
-        pose: Pose,
-        helpers: int,
-        checkpoint: Checkpoint | None,
-    ) -> None:
-        self._pose = pose
+    def __init__(self, helpers: int, checkpoint: Checkpoint | None) -> None:
         self._checkpoint = checkpoint
+        path = None if checkpoint is None else checkpoint.path
         with one_thread():
-            self._helpers = [
-                _Helper(pose, None if checkpoint is None else checkpoint.path)
-                for _ in range(helpers)
-            ]
-        self._threads: list[Thread] = []
-        self._fits: deque[tuple[str, Found]] = deque()
+            self._helpers = [_Helper(path) for _ in range(helpers)]
 
-    def posed(self) -> Posed:
-        """Pose the problem, here first.
+    def posed(self, pose: Pose) -> "Problem":
+        """Pose a problem, here first.
 
         What that leaves on disk, as the modes of a film, helpers need not solve again.
         """
-        posed = self._pose(self._checkpoint)
-        self._names = _Names(posed, self._checkpoint)
+        return Problem(pose, pose(self._checkpoint), self._helpers, self._checkpoint)
+
+    def end(self) -> None:
+        """End the helpers at once."""
         for helper in self._helpers:
-            helper.give(True)
-        return posed
+            helper.stop()
+
+
+@contextmanager
+def worker_pool(workers: int, checkpoint: Checkpoint | None = None) -> Iterator[WorkerPool]:
+    """Start so many processes, this one among them.
+
+    They load what they need while this one goes on.
+    """
+    mine = WorkerPool(workers - 1, checkpoint)
+    try:
+        yield mine
+    finally:
+        mine.end()
+
+
+class Problem:
+    """A model with the effects that may explain its deviations, and who does the jobs on it.
+
+    This process and its helpers take jobs as soon as they are there. Model and effects go by name,
+    as each process has its own; what else jobs and results hold is sent. What a helper finds is
+    what this process would find, to the last bit, and its fits come into the checkpoint here.
+    """
+
+    def __init__(
+        self, pose: Pose, posed: Posed, helpers: "list[_Helper]", checkpoint: Checkpoint | None
+    ) -> None:
+        self.model, self.effects = posed
+        self._pose = pose
+        self._names = _Names(posed, checkpoint)
+        self._helpers = helpers
+        self._checkpoint = checkpoint
+        self._fits: deque[tuple[str, Found]] = deque()
+        for helper in helpers:
+            helper.turn_to(pose)
 
     def run(self, jobs: Sequence[Job[T]]) -> list[T]:
         """Do all jobs; return what they find, in their order."""
@@ -99,17 +119,10 @@ class WorkerPool:
         todo = deque(enumerate(jobs))
         found = dict[int, T]()
         while todo:  # again, where a helper ended over its job
-            self._threads = [
-                Thread(target=self._feed, args=(helper, todo, found), daemon=True)
-                for helper in self._helpers
-            ]
-            for thread in self._threads:
-                thread.start()
-            while (mine := _next(todo.popleft)) is not None:
-                found[mine[0]] = mine[1].done()
-                self._keep()
-            for thread in self._threads:
-                thread.join()
+            with self._fed(todo, found):
+                while (mine := _next(todo.popleft)) is not None:
+                    found[mine[0]] = mine[1].done()
+                    self._keep()
             self._keep()
             for helper in [helper for helper in self._helpers if helper.dead]:
                 helper.process.join(EXIT)  # it has closed its end and may be about to say why
@@ -119,10 +132,32 @@ class WorkerPool:
                 self._helpers.remove(helper)
         return [found[i] for i in range(len(jobs))]
 
+    @contextmanager
+    def _fed(self, todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]) -> Iterator[None]:
+        """Let helpers do jobs meanwhile; where this process fails, they end over theirs."""
+        threads = [
+            Thread(target=self._feed, args=(helper, todo, found), daemon=True)
+            for helper in self._helpers
+        ]
+        for thread in threads:
+            thread.start()
+        try:
+            yield
+        except BaseException:
+            todo.clear()
+            for helper in self._helpers:
+                helper.process.kill()
+            raise
+        finally:
+            for thread in threads:
+                thread.join()
+            self._keep()
+
     def _feed(
         self, helper: "_Helper", todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]
     ) -> None:
         """Let a helper do jobs from the end of the list."""
+        helper.turn_to(self._pose)
         while todo and not helper.dead:
             if helper.ready(SOON) and (its := _next(todo.pop)) is not None:
                 PROGRESS.info(its[1].says)
@@ -139,46 +174,29 @@ class WorkerPool:
             if self._checkpoint is not None:
                 self._checkpoint.add(*fit)
 
-    def end(self) -> None:
-        """End the helpers at once."""
-        for helper in self._helpers:
-            helper.process.kill()
-        for thread in self._threads:
-            thread.join()
-        for helper in self._helpers:
-            helper.stop()
-        self._keep()
-
-
-@contextmanager
-def worker_pool(
-    pose: Pose, workers: int, checkpoint: Checkpoint | None = None
-) -> Iterator[WorkerPool]:
-    """Start so many processes, this one among them, which share the jobs of a problem.
-
-    `pose` poses it in each, with what that process knows of the checkpoint.
-    """
-    mine = WorkerPool(pose, workers - 1, checkpoint)
-    try:
-        yield mine
-    finally:
-        mine.end()
-
 
 class _Helper(Worker):
-    """A process that does jobs; it first says that it is ready."""
+    """A process that poses one problem after the other, and does jobs on the last."""
 
-    def __init__(self, pose: Pose, checkpoint: Path | None) -> None:
-        super().__init__(_serve, pose, checkpoint)
+    def __init__(self, checkpoint: Path | None) -> None:
+        super().__init__(_serve, checkpoint)
         self.dead = False
-        self._ready = False
+        self._pose: Pose | None = None
+        self._posing = 0
+
+    def turn_to(self, pose: Pose) -> None:
+        """Let it pose a problem, unless that is the one that it has."""
+        if self._pose is not pose:
+            self._pose = pose
+            self._posing += 1
+            self.dead = not self.give(pose)
 
     def ready(self, seconds: float) -> bool:
-        """Whether it is there within some seconds."""
-        if not self._ready and self.connection.poll(seconds):
-            self._ready = self.take() is not None
-            self.dead = not self._ready
-        return self._ready
+        """Whether it has posed its problem within some seconds."""
+        while self._posing and not self.dead and self.connection.poll(seconds):
+            self._posing -= 1
+            self.dead = self.take() is None
+        return not self._posing and not self.dead
 
     def ask(self, task: bytes) -> Any:
         """Return its answer, None where it has died."""
@@ -187,34 +205,31 @@ class _Helper(Worker):
         return answered
 
 
-def _serve(connection: Connection, pose: Pose, path: Path | None) -> None:
-    """Do jobs, and return what each found with the fits that it made."""
+def _serve(connection: Connection, path: Path | None) -> None:
+    """Pose problems, and do jobs on the last: return what each found with the fits that it made."""
     # The process that asked meets the same file, cache and fits, and says once what there is to say
     # of them.
     WARNINGS.setLevel(logging.CRITICAL)
-    share = None if path is None else Share(path)
-    if not _told(connection):
-        return
-    names = _Names(pose(share), share)
+    posed: list[tuple[_Names, Share | None]] = []
 
-    def do(task: bytes) -> bytes:
-        try:
-            found = names.unpacked(task)()
-        # The same job fails in the process that asked, which tells the user
-        except FemnlError as error:
-            raise SystemExit(1) from error
+    def pose(problem: Pose) -> bool:
+        share = None if path is None else Share(path)
+        posed[:] = [(_Names(problem(share), share), share)]
+        return True
+
+    def find(task: bytes) -> bytes:
+        ((names, share),) = posed
+        found = names.unpacked(task)()
         return names.packed((found, [] if share is None else share.taken()))
 
-    connection.send(True)
+    def do(task: bytes | Pose) -> bytes | bool:
+        try:
+            return find(task) if isinstance(task, bytes) else pose(task)
+        # The same fails in the process that asked, which tells the user
+        except FemnlError as error:
+            raise SystemExit(1) from error
+
     answer(connection, do)
-
-
-def _told(connection: Connection) -> bool:
-    """Wait for the word to begin; whether it came before the other end closed."""
-    try:
-        return bool(connection.recv())
-    except (EOFError, ConnectionError):
-        return False
 
 
 def _next(take: Callable[[], T]) -> T | None:

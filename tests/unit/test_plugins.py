@@ -141,9 +141,10 @@ def fitted_by_two(pose: Callable[..., Posed]) -> None:
     deadline = time.monotonic() + 60
     processes = set[int]()
     vectors = set[bytes]()
-    with worker_pool(pose, 2) as mine:
-        base_model, pool = mine.posed()
-        (ours,) = [effect for effect in pool if effect.name == CAUSE]
+    with worker_pool(2) as two:
+        mine = two.posed(pose)
+        base_model = mine.model
+        (ours,) = [effect for effect in mine.effects if effect.name == CAUSE]
         model = ExtendedModel(base_model, (ours,))
         start = model.pack({"frequency": 1.1e6}, [{"softening": 1e-6}])
         while len(processes) < 2 and time.monotonic() < deadline:

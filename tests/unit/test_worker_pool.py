@@ -54,9 +54,8 @@ def posed(checkpoint: Checkpoint | None = None) -> tuple[MeasurementModel, list[
 
 @contextmanager
 def started(workers: int) -> Iterator[Run]:
-    with worker_pool(posed, workers) as mine:
-        mine.posed()
-        yield mine.run
+    with worker_pool(workers) as mine:
+        yield mine.posed(posed).run
 
 
 def who(seconds: float = 0.1) -> int:
@@ -99,8 +98,9 @@ def test_jobs_come_back_in_their_order_and_processes_share_them() -> None:
 
 
 def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_that_asked() -> None:
-    with worker_pool(posed, 2) as mine:
-        base_model, _ = mine.posed()
+    with worker_pool(2) as processes:
+        mine = processes.posed(posed)
+        base_model = mine.model
         base = fit(ExtendedModel(base_model), base_model.start)
         model = ExtendedModel(base_model, (SLOPE,))
         alone = fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}]), near=base)
@@ -122,8 +122,9 @@ def test_fits_of_a_helper_are_kept_in_the_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    with remembered("a file") as checkpoint, worker_pool(posed, 2, checkpoint) as mine:
-        model = ExtendedModel(mine.posed()[0], (SLOPE,))
+    with remembered("a file") as checkpoint, worker_pool(2, checkpoint) as processes:
+        mine = processes.posed(posed)
+        model = ExtendedModel(mine.model, (SLOPE,))
         starts = [model.pack({"level": 0.0}, [{"strength": 0.1 * k}]) for k in range(40)]
         shared(mine.run)
         mine.run([Job("fit", partial(slowly, model, start, checkpoint)) for start in starts])

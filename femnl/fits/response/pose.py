@@ -1,5 +1,8 @@
 """From driven sweeps in a file to their model: the Duffing mode that fits them first."""
 
+import hashlib
+from collections.abc import Mapping
+
 import numpy as np
 import xarray as xr
 
@@ -33,15 +36,12 @@ def pose(
             "response: it holds magnitudes alone, and a diagnosis needs both quadratures; measure "
             "them, or use femnl fit, which takes magnitudes"
         )
-    smooth = without_spikes(dataset, sweeps.noise)
-    clear = collect(smooth)
-    sign = sign_of_phase(clear, first_layout(clear, "complex"))
-    sweeps = turned(sweeps, sign)
-    fitted = _first_fit(smooth, sign)
-    mode = _mode(dataset, film, fitted["frequency"])
-    alpha = float(film.alpha[mode])
     count = sweeps.n_positions
     place = ("",) if count == 1 else tuple(f"[{p}]" for p in range(count))
+    sign, fitted = _first_fit(without_spikes(dataset, sweeps.noise), place, checkpoint)
+    sweeps = turned(sweeps, sign)
+    mode = _mode(dataset, film, fitted["frequency"])
+    alpha = float(film.alpha[mode])
     slope = [fitted[f"y_max{name}"] for name in place]
     ratio = fitted[f"alpha_y{place[0]}"]
     metre = float(np.sqrt(alpha / abs(ratio))) if ratio else slope[0] / 1e-7
@@ -91,7 +91,34 @@ def pose(
     )
 
 
-def _first_fit(dataset: xr.Dataset, sign: int) -> Fit:
+def _first_fit(
+    dataset: xr.Dataset, place: tuple[str, ...], checkpoint: Checkpoint | None
+) -> tuple[int, dict[str, float]]:
+    """Return the sign of the phase, and the values of a fit of one mode by their names.
+
+    Each process of a diagnosis poses the sweeps: the checkpoint keeps for the others what the first
+    one found in seconds.
+
+    Args: place: how names end, by position.
+    """
+    clear = collect(dataset)
+    names = ["frequency", "linewidth", f"alpha_y{place[0]}"]
+    names += [f"{name}{end}" for name in ("y_max", "phase") for end in place]
+
+    def find() -> tuple[Array, Array]:
+        sign = sign_of_phase(clear, first_layout(clear, "complex"))
+        fitted = _fitted(dataset, sign)
+        return np.array([fitted[name] for name in names]), np.array([sign])
+
+    if checkpoint is None:
+        values, sign = find()
+    else:
+        digest = hashlib.sha256(clear.frequency.tobytes() + clear.voltage.tobytes())
+        values, sign = checkpoint.recall(f"first fit of sweeps {digest.hexdigest()}", find)
+    return int(sign[0]), dict(zip(names, values.tolist(), strict=True))
+
+
+def _fitted(dataset: xr.Dataset, sign: int) -> Fit:
     """Return a fit of one mode, whose damping grows with amplitude where that describes the data.
 
     Whether it does is for the diagnosis to say; here it only makes the start safe.
@@ -114,7 +141,11 @@ def _first_fit(dataset: xr.Dataset, sign: int) -> Fit:
 
 
 def _base(
-    fitted: Fit, span: float, peak: float, responsivity: list[float], place: tuple[str, ...]
+    fitted: Mapping[str, float],
+    span: float,
+    peak: float,
+    responsivity: list[float],
+    place: tuple[str, ...],
 ) -> tuple[tuple[ParameterSpec, ...], Array]:
     """Return the parameters of the base model with their ranges, and where they start.
 
