@@ -201,7 +201,7 @@ def _by_sampling(
     Returns: V_n/V_C, (n_harmonics, n_points).
     """
     series, each, turns = waves
-    read = list(zip([_pieces(one) for one in each], turns, strict=True))
+    read = np.stack([_pieces(one) for one in each]), turns
     reach = np.sum(np.abs(depth) * np.arange(1, len(depth) + 1)[:, None], axis=0).max()
     # A clipped signal has many harmonics that would be folded back
     sharp = 1 if np.all(np.isinf(rails)) else 4
@@ -239,34 +239,26 @@ def _sampled(
     moves: Array,
     theta: Array,
     sums: Array,
-    waves: list[tuple[Array, float]],
+    waves: tuple[Array, Array],
     rails: tuple[float, float],
 ) -> Array:
     """Return weighted sums (m, n_points) of the samples of a fringe.
 
     The fringe is read at the phases swings (n_samples, k) times moves (k, n_points) + θ.
 
-    Args: sums (m, n_samples): weights of the samples. waves: for each wave of the fringe its
-    pieces, and the factor that turns the phases for it. rails: the lowest and the highest signal,
-    at which the fringe is clipped.
+    Args: sums (m, n_samples): weights of the samples. waves: the pieces of each wave of the fringe,
+    and the factors that turn the phases for them. rails: the lowest and the highest signal, at
+    which the fringe is clipped.
     """
     found = np.empty((len(sums), moves.shape[1]))
     read = compiled(_read)
-    alone = len(waves) == 1
     step = max(1, PIECE * SAMPLES // len(swings))
     room = np.empty(len(swings) * step)
     for start in range(0, moves.shape[1], step):
         here = slice(start, start + step)
         v = room[: len(swings) * len(theta[here])].reshape(len(swings), -1)
         np.matmul(swings, moves[:, here], out=v)
-        if alone:
-            v += theta[here]
-            read(v.ravel(), waves[0][0], *rails)
-        else:
-            parts = [turn * v + theta[here] for _, turn in waves]
-            for part, (pieces, _) in zip(parts, waves, strict=True):
-                read(part.ravel(), pieces, -np.inf, np.inf)
-            np.clip(sum(parts), *rails, out=v)
+        read(v, theta[here], *waves, *rails)
         found[:, here] = sums @ v
     return found
 
@@ -285,15 +277,25 @@ def _pieces(series: ComplexArray) -> Array:
     return np.stack([value, slope, 3 * rise - 2 * slope - last, slope + last - 2 * rise], axis=1)
 
 
-def _read(phase: Array, pieces: Array, low: float, top: float) -> None:
-    """Put a fringe, clipped at low and top, in place of its phase (n,), by cubic interpolation."""
-    last = len(pieces) - 1
-    per = len(pieces) / (2 * np.pi)
+def _read(phase: Array, theta: Array, pieces: Array, turns: Array, low: float, top: float) -> None:
+    """Put a fringe, clipped at low and top, in place of its phase, by cubic interpolation.
+
+    Args: phase (n_samples, n_points), without theta (n_points,). pieces (n_waves, n_nodes, 4): of
+    each wave of the fringe, which are added up. turns (n_waves,): factors on the phase for them.
+    """
+    n_nodes = pieces.shape[1]
+    per = n_nodes / (2 * np.pi)
+    summed = np.empty(len(theta))
     for i in range(len(phase)):
-        place = phase[i] * per
-        left = np.floor(place)
-        # the number of pieces is a power of two
-        s = place - left
-        piece = pieces[int(left) & last]
-        v = piece[0] + s * (piece[1] + s * (piece[2] + s * piece[3]))
-        phase[i] = min(max(v, low), top)
+        summed[:] = 0.0
+        for w in range(len(turns)):
+            for j in range(len(theta)):
+                place = (turns[w] * phase[i, j] + theta[j]) * per
+                left = np.floor(place)
+                s = place - left
+                # The number of pieces is a power of two
+                k = int(left) & (n_nodes - 1)
+                p = pieces[w, k]
+                summed[j] += p[0] + s * (p[1] + s * (p[2] + s * p[3]))
+        for j in range(len(theta)):
+            phase[i, j] = min(max(summed[j], low), top)
