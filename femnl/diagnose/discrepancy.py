@@ -69,7 +69,7 @@ def discrepancy(base: FitResult, best: FitResult) -> Discrepancy:
     Args: best: the fit that leaves least, whose remainder tells how smooth a remainder is.
     """
     model = base.model
-    named = model.base_model.residual_directions(model.effects, *model.split(base.vector))
+    named = model.base_model.smooth_deviations(model.effects, *model.split(base.vector))
     rows = [row / np.linalg.norm(row) for row in named.values() if np.any(row)]
     n = len(base.residuals)
     directions = np.empty((0, n))

@@ -160,6 +160,16 @@ class JointModel(MeasurementModel):
             found |= self._spread(group, base_model.residual_directions(*own))
         return found
 
+    def smooth_deviations(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
+        """Return those of each measurement."""
+        found: dict[str, Array] = {}
+        for group, base_model in self.groups.items():
+            own = self.seen_by(group, effects, base, values)
+            found |= self._spread(group, base_model.smooth_deviations(*own))
+        return found
+
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:

@@ -211,6 +211,15 @@ class MeasurementModel(ABC):
     ) -> dict[str, Array]:
         """Return directions (n_residuals,) to test whatever the cause, by what they mean."""
 
+    def smooth_deviations(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
+        """Return directions along which every model may miss the data, by what they mean.
+
+        They are those of `residual_directions`, but for what some cause of the library does alone.
+        """
+        return self.residual_directions(effects, base, values)
+
     @abstractmethod
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]

@@ -149,6 +149,13 @@ class NoisyModel(MeasurementModel):
         found = self.bare.residual_directions(effects, base, values)
         return {name: self.white(row) for name, row in found.items()}
 
+    def smooth_deviations(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
+        """Return those of the bare model, whitened like residuals."""
+        found = self.bare.smooth_deviations(effects, base, values)
+        return {name: self.white(row) for name, row in found.items()}
+
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:

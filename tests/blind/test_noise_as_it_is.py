@@ -56,10 +56,13 @@ def test_an_optical_spring_is_among_the_equals_where_the_stated_sd_is_too_small(
     assert noise.found / noise.stated == pytest.approx(1 / truth["options"]["stated"], rel=0.25)
 
 
-def test_a_cause_of_a_record_is_named_beside_something_unknown_with_a_share_that_is_true(
-    tmp_path: Path,
+@pytest.mark.parametrize(
+    ("regime", "seed"), [("beside unknown", 192734879), ("inexact", 2051864008)]
+)
+def test_a_cause_of_a_record_is_named_in_part_with_a_share_that_is_true(
+    regime: str, seed: int, tmp_path: Path
 ) -> None:
-    draw = Draw("record", ("quadratic_stiffness",), "beside unknown", "square-270um", 192734879)
+    draw = Draw("record", ("quadratic_stiffness",), regime, "square-270um", seed)
     truth = make(draw, tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
     assert (found.verdict, found.causes) == ("explained in part", ("quadratic_stiffness",))
