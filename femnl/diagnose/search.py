@@ -5,6 +5,7 @@ Ranked cheaply, fitted, compared.
 
 import logging
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 
 from scipy.stats import chi2
@@ -99,15 +100,19 @@ def refitted(
 
     Args: base_model: under that noise. earlier: what was found under another.
     """
-    found = [criticise(_again(base_model, earlier[0].result), library)]
+
+    def begun(before: FitResult) -> FitResult:
+        # Of the model at hand, which helpers know by name, and not of the one of another noise
+        return replace(before, model=ExtendedModel(base_model, before.model.effects))
+
+    found = [criticise(_again(begun(earlier[0].result)), library)]
     ranked = sorted(earlier[1:], key=lambda c: -c.weight)[: THRESHOLDS.most_refitted]
     largest = [set(c.names) for c in ranked]
     for size in range(1, len(SIZES) + 1):
         sized = [c for c in earlier[1:] if len(c.names) == size]
         kept = [c for c in sized if any(set(c.names) <= names for names in largest)]
         fits = [
-            job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
-            for c in kept
+            job("fitting again", c.names, c.result, partial(_again, begun(c.result))) for c in kept
         ]
         grown = _kept({}, run(fits), found, library, run)
         found += grown.values()
@@ -126,8 +131,8 @@ def better(found: list[Candidate], others: list[Candidate]) -> list[Candidate]:
     return sorted(best.values(), key=lambda candidate: len(candidate.names))
 
 
-def _again(base_model: MeasurementModel, before: FitResult) -> FitResult:
-    return fit(ExtendedModel(base_model, before.model.effects), before.vector, near=before)
+def _again(before: FitResult) -> FitResult:
+    return fit(before.model, before.vector, near=before)
 
 
 def _grown(

@@ -6,13 +6,13 @@ Here, and in processes that pose the same problem.
 import logging
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from multiprocessing.connection import Connection
 from pathlib import Path
 from pickle import Pickler, Unpickler
-from threading import Thread
 from typing import Any, Generic, TypeVar
 
 from femnl.core.checkpoint import Checkpoint, Found, Share
@@ -135,23 +135,17 @@ class Problem:
     @contextmanager
     def _fed(self, todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]) -> Iterator[None]:
         """Let helpers do jobs meanwhile; where this process fails, they end over theirs."""
-        threads = [
-            Thread(target=self._feed, args=(helper, todo, found), daemon=True)
-            for helper in self._helpers
-        ]
-        for thread in threads:
-            thread.start()
-        try:
-            yield
-        except BaseException:
-            todo.clear()
-            for helper in self._helpers:
-                helper.process.kill()
-            raise
-        finally:
-            for thread in threads:
-                thread.join()
-            self._keep()
+        with ThreadPoolExecutor(max(len(self._helpers), 1)) as threads:
+            feeding = [threads.submit(self._feed, helper, todo, found) for helper in self._helpers]
+            try:
+                yield
+                for one in feeding:
+                    one.result()
+            except BaseException:
+                todo.clear()
+                for helper in self._helpers:
+                    helper.process.kill()
+                raise
 
     def _feed(
         self, helper: "_Helper", todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -23,7 +24,9 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose import diagnose, record
-from femnl.diagnose.worker_pool import Job, worker_pool
+from femnl.diagnose.candidate import criticise
+from femnl.diagnose.search import refitted
+from femnl.diagnose.worker_pool import Job, _Names, worker_pool
 from femnl.effects import library
 from femnl.fits.least_squares import FitResult, fit
 from femnl.io import measurement
@@ -116,6 +119,39 @@ def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_tha
         assert np.array_equal(result.vector, found[0].vector)
         assert np.array_equal(result.jacobian, found[0].jacobian)
         assert np.allclose(result.vector, alone.vector, rtol=1e-6)
+
+
+class Elsewhere(Level):
+    """A model that no other process knows."""
+
+    def __reduce__(self) -> str:
+        raise AssertionError("a model of another noise is sent")
+
+
+def test_fits_that_are_made_again_under_another_noise_are_sent_by_name() -> None:
+    known, effects = posed()
+    assert isinstance(known, Level)
+    other = Elsewhere(known.data, BLOCKS, 100.0)
+    base = fit(ExtendedModel(other), other.start)
+    one = ExtendedModel(other, (SLOPE,))
+    sloped = fit(one, one.pack({"level": 0.0}, [{"strength": 0.1}]), near=base)
+    earlier = [criticise(result, effects) for result in (base, sloped)]
+    names = _Names((known, effects), None)
+
+    def sent(jobs: Sequence[Job[Any]]) -> list[Any]:
+        return [names.unpacked(names.packed(job.find))() for job in jobs]
+
+    _, again = refitted(known, effects, earlier, sent)
+    assert again.names == ("slope",)
+    assert again.result.model.base_model is known
+    assert np.allclose(again.result.vector, sloped.vector, rtol=1e-6)
+
+
+def test_an_error_in_what_is_sent_is_raised_here() -> None:
+    with started(2) as run:
+        shared(run)
+        with pytest.raises(AttributeError, match="pickle"):
+            run([Job("", lambda: who(0.2))] * 6)
 
 
 def test_fits_of_a_helper_are_kept_in_the_checkpoint(
