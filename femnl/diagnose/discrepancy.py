@@ -10,15 +10,14 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from femnl.core.effect import Effect, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
+from femnl.diagnose.distortions import distortions
 from femnl.fits.least_squares import FitResult, log_prior
 from femnl.observe.model import Layout, MeasurementModel
-from femnl.observe.noisy import NoisyModel, without_noise
 
 MOST_DIRECTIONS = 40
 """Directions of smooth deviations, those that most of the named ones share."""
@@ -26,10 +25,6 @@ SHARED = 1e-3
 """Part of the largest singular value below which a direction adds nothing to the others."""
 SIZES = np.concatenate([[0.0], np.geomspace(0.1, 1e5, 25)])
 """Sizes τ [σ] of a discrepancy that are summed over: uniform in the logarithm, or none."""
-GROWING = (1, 2)
-"""Powers of what a cause does to a datum with which its equation may be wrong."""
-VARYING = (1, 2, 3)
-"""Powers of the place along the data with which it may be wrong."""
 ACCURACIES = ((1.0, 0.5), (2.0, 0.25), (4.0, 0.15), (8.0, 0.1))
 """Factors on the stated accuracy of equations, and their prior probabilities.
 
@@ -185,74 +180,6 @@ def _at_accuracy(result: FitResult, missed: Array, allowed: Discrepancy) -> floa
     prior = log_prior(result.model, result.vector, spread) + float(np.sum(np.log(width)))
     constant = 0.5 * width.size * np.log(2 * np.pi) - np.log(level.size)
     return float(logsumexp(level) + prior + constant)
-
-
-def distortions(done: Array, base_model: MeasurementModel) -> Array:
-    """Return in what ways an equation may miss the whole of a cause, as columns (n, n_distortions).
-
-    One is a part of what the cause does to the data that grows with its size there; others vary
-    with the place of the data. For quadratures, some are also turned in phase, as a further pole of
-    an amplifier turns them.
-
-    Args: done (n,): what the cause changes of every residual.
-    """
-    places = places_of(base_model)
-    beside = _turned(done, base_model.layout)
-    size = np.hypot(done, beside)
-    size = size / max(float(size.max()), 1e-300)
-    shapes = [*(size**p for p in GROWING), *(along**p for along in places for p in VARYING)]
-    ways = [done[:, None] * np.stack(shapes, axis=1)]
-    if np.any(beside):
-        ways.append(beside[:, None] * np.stack([np.ones_like(size), *shapes], axis=1))
-    return np.concatenate(ways, axis=1)
-
-
-def _turned(done: Array, layout: Layout | None) -> Array:
-    """Return changes (n,) turned by a quarter of a period, 0 where data are no quadratures."""
-    turned = np.zeros_like(done)
-    if layout is None:
-        return turned
-    order = np.argsort(layout.datum, kind="stable")
-    number = layout.datum[order]
-    first = np.flatnonzero((number[:-1] == number[1:]) & (number[:-1] >= 0))
-    real = order[first]
-    imaginary = order[first + 1]
-    turned[real] = -done[imaginary]
-    turned[imaginary] = done[real]
-    return turned
-
-
-def places_of(base_model: MeasurementModel) -> Array:
-    """Return where each residual lies in the data, between −1 and 1, in every way (k, n).
-
-    One way is the order of the data: modes by rising frequency, points of a series, sweeps one
-    after the other. Another is by their conditions where these recur, such as the frequency within
-    sweeps. Data over a plane are placed by all their coordinates, such as the number of a harmonic
-    and the place on a film.
-    """
-    layout = base_model.layout
-    if layout is None:
-        return np.linspace(-1, 1, len(base_model.blocks))[None]
-    if layout.planar:
-        return _coordinates(base_model)
-    places = [_placed(layout.datum)]
-    if layout.repeated.max() >= 1:
-        places.append(_placed(layout.repeated))
-    return np.stack(places)
-
-
-def _coordinates(base_model: MeasurementModel) -> Array:
-    """Return the coordinates of data over a plane between −1 and 1 (k, n), but for their parts."""
-    (data,) = without_noise(base_model).quantities
-    axes = [np.asarray(values) for values, _ in data.coordinates.values()]
-    numbers = [axis.astype(float) for axis in axes if axis.dtype.kind in "iuf"]
-    places = np.stack([2 * (v - v.min()) / (np.ptp(v) or 1.0) - 1 for v in numbers])
-    return places[:, base_model.kept] if isinstance(base_model, NoisyModel) else places
-
-
-def _placed(number: NDArray[np.int64]) -> Array:
-    """Return numbers from 0 on as places between −1 and 1; what has no number is in the middle."""
-    return np.where(number < 0, 0.0, 2 * number / max(int(number.max()), 1) - 1)
 
 
 def effects_of(candidate: Candidate) -> tuple[Effect, ...]:

@@ -4,7 +4,8 @@ import numpy as np
 
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
-from femnl.diagnose.discrepancy import changed_by, distortions, effects_of
+from femnl.diagnose.discrepancy import changed_by, effects_of
+from femnl.diagnose.distortions import distortions
 
 
 def equation_sd(best: Candidate, base: Candidate) -> Array:
