@@ -7,7 +7,7 @@ mode its linewidth and its response to the drive. Frequencies are not tied to ea
 drifts from one measurement to the next.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -150,25 +150,29 @@ class JointModel(MeasurementModel):
             for name, row in rows.items()
         }
 
+    def _of_each(
+        self, rows: Callable[[MeasurementModel, Own], dict[str, Array]], seen: Own
+    ) -> dict[str, Array]:
+        """Return directions of every measurement, given the effects and values of all."""
+        found: dict[str, Array] = {}
+        for group, base_model in self.groups.items():
+            found |= self._spread(group, rows(base_model, self.seen_by(group, *seen)))
+        return found
+
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
         """Return those of each measurement."""
-        found: dict[str, Array] = {}
-        for group, base_model in self.groups.items():
-            own = self.seen_by(group, effects, base, values)
-            found |= self._spread(group, base_model.residual_directions(*own))
-        return found
+        return self._of_each(
+            lambda one, own: one.residual_directions(*own), (effects, base, values)
+        )
 
     def smooth_deviations(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
         """Return those of each measurement."""
-        found: dict[str, Array] = {}
-        for group, base_model in self.groups.items():
-            own = self.seen_by(group, effects, base, values)
-            found |= self._spread(group, base_model.smooth_deviations(*own))
-        return found
+        seen = (effects, base, values)
+        return self._of_each(lambda one, own: one.smooth_deviations(*own), seen)
 
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
