@@ -206,10 +206,14 @@ def _factorize_indefinite(matrix: csc_matrix) -> tuple[Solve, int]:
     its diagonal are those of the eigenvalues.
     """
     logging.getLogger("femnl.progress").info("solving for %s unknowns", f"{matrix.shape[0]:,}")
-    order = _minimum_degree(matrix) if HAS_CHOLMOD else np.arange(matrix.shape[0])
+    order = np.arange(matrix.shape[0])
+    ordered = matrix
+    if HAS_CHOLMOD:
+        order = _minimum_degree(matrix)
+        ordered = csc_matrix(matrix[order][:, order])
     try:
         factor = splu(
-            csc_matrix(matrix[order][:, order]),
+            ordered,
             permc_spec="NATURAL" if HAS_CHOLMOD else "MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
