@@ -156,8 +156,8 @@ class RecordModel(MeasurementModel):
         """Return powers of the output, and its slope.
 
         Each force of higher order is what one cause does alone. Beside a discrepancy along it, that
-        cause would explain nothing: a quadratic one of 617σ that left 0.5 % came behind a quintic
-        one that left 99 %.
+        cause would explain nothing: a quadratic one of 617σ that left 0.5 % of χ² came behind a
+        quintic one that left 99 %.
         """
         output = self.predict(effects, base, values)
         unit = output / np.abs(output).max()
