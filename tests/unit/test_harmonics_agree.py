@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from femnl.core.readout import Array, FourierSeries
-from femnl.core.stages import Fringe, Motion
+from femnl.core.readout import Array, ComplexArray, FourierSeries
+from femnl.core.stages import Fringe, Motion, Wave
 from femnl.optics.harmonics import harmonics_by_bessel, harmonics_by_fft
 from femnl.optics.sampled import harmonics as tabulated
 from femnl.optics.unit_fringe import real_part
@@ -50,3 +50,40 @@ def test_all_evaluations_agree(overtones: list[complex], largest: float) -> None
         FourierSeries(WAVELENGTH / 2, plain), ORDERS, amplitude, {"fringe_phase": theta}
     )
     assert np.abs(fitted["motion"] - exact.real).max() < 1e-7
+
+
+@pytest.mark.parametrize(("limit", "error"), [(np.inf, 1e-7), (0.6, 1e-3)])
+@pytest.mark.parametrize("n_orders", [1, 2])
+def test_waves_of_a_beam_add_up_before_the_detector_clips(
+    n_orders: int, limit: float, error: float
+) -> None:
+    """Against v(t) at 16 384 instants; a clipped one has harmonics that fall with 1/n²."""
+    rng = np.random.default_rng(5)
+    size = np.array([[60e-9], [8e-9]])[:n_orders] * rng.uniform(0.1, 1, (n_orders, 30))
+    u: ComplexArray = size * np.exp(2j * np.pi * rng.random((n_orders, 30)))
+    theta = rng.uniform(-3, 3, 30)
+    waves = [
+        Wave(share * np.array([0, 1, 0.2 - 0.1j], complex), WAVELENGTH * longer)
+        for share, longer in ((0.6, 1.0), (0.3, 1.02), (0.1, 1.07))
+    ]
+    t = 2 * np.pi * np.arange(2**14) / 2**14
+    turns = np.exp(1j * np.multiply.outer(np.arange(1, n_orders + 1), t))
+    moved = np.einsum("mp,mt->pt", u, turns).real
+
+    def light(phases: list[Array]) -> Array:
+        parts = [
+            (c * np.exp(1j * k * phase)).real
+            for wave, phase in zip(waves, phases, strict=True)
+            for k, c in enumerate(wave.coefficients)
+        ]
+        return np.asarray(np.sum(parts, axis=0))
+
+    largest = np.abs(light([np.linspace(0, 2 * np.pi, 4096)] * 3)).max()
+    v = light([4 * np.pi / wave.wavelength * moved + theta[:, None] for wave in waves])
+    v = np.clip(v, -limit * largest, limit * largest)
+    exact = 2 * np.fft.rfft(v, axis=1)[:, ORDERS].T / len(t)
+    still = np.zeros(30)
+    motion = Motion(u, theta, still, still, np.ones((1, 30)), np.array([1e6]), 0, u[0], WAVELENGTH)
+    fringe = Fringe(waves[0].coefficients, WAVELENGTH, None, limit, -limit, beside=tuple(waves[1:]))
+    found = tabulated(motion, fringe, ORDERS)
+    assert np.abs(found - exact).max() < error
