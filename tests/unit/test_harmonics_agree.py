@@ -63,7 +63,7 @@ def test_waves_of_a_beam_add_up_before_the_detector_clips(
     u: ComplexArray = size * np.exp(2j * np.pi * rng.random((n_orders, 30)))
     theta = rng.uniform(-3, 3, 30)
     waves = [
-        Wave(share * np.array([0, 1, 0.2 - 0.1j], complex), WAVELENGTH * longer)
+        Wave(np.array([0, share, share * (0.2 - 0.1j)], complex), WAVELENGTH * longer)
         for share, longer in ((0.6, 1.0), (0.3, 1.02), (0.1, 1.07))
     ]
     t = 2 * np.pi * np.arange(2**14) / 2**14
