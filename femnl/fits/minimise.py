@@ -1,6 +1,6 @@
 """The minimum of χ² within bounds, from one start."""
 
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ NEAR_BOUND = 1e-3
 """Distances from its bound, in parts of the range, from which on a parameter is put there: in any
 case, and where that lowers χ².
 """
+ROUNDING = 1e-14
+"""Relative excess by which a place where χ² did not fall is shown as no better."""
 FTOL = 1e-7
 XTOL = 1e-9
 """Relative changes of χ² and of the parameters at which a fit ends."""
@@ -40,60 +42,124 @@ def minimise(
     """
     low, high = model.bounds
     width = high - low
-    chosen = slice(None) if keep is None else keep
-
-    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count
-    # for nothing beside volts.
-    def place(part: Array) -> Array:
-        return np.asarray(np.clip(low + width * part, low, high))
-
     start_part = np.clip((start - low) / width, INSIDE, 1 - INSIDE)
     if not np.all(np.isfinite(start_part)):  # which the optimiser would call outside of the bounds
         raise FloatingPointError("a fit would begin where parameters are no finite numbers")
-    vector = place(start_part)
+    data = _Data(model, slice(None) if keep is None else keep)
+    vector = data.place(start_part)
     at = model.residuals(vector)
     steps, slopes = tangents(model, vector, at, first)
-    # The optimiser asks for the tangents where it has just asked for the residuals, and for both
-    # where it starts.
-    latest = {vector.tobytes(): at}
-    latest_slopes = {vector.tobytes(): slopes}
+    data.know(vector, at, slopes)
 
-    def known(v: Array) -> Array:
-        if v.tobytes() not in latest:
-            latest.clear()
-            latest[v.tobytes()] = model.residuals(v)
-        return latest[v.tobytes()]
+    def solve(part: Array, **options: Any) -> OptimizeResult:
+        shown = _Triangles(data, steps)
+        return least_squares(
+            shown.residuals,
+            part,
+            jac=shown.jacobian,
+            bounds=(0, 1),
+            x_scale="jac",
+            xtol=XTOL,
+            ftol=FTOL,
+            gtol=1e-10,
+            **options,
+        )
 
-    def residuals(part: Array) -> Array:
-        return known(place(part))[chosen]
-
-    def jacobian(part: Array) -> Array:
-        v = place(part)
-        if v.tobytes() not in latest_slopes:
-            latest_slopes.clear()
-            latest_slopes[v.tobytes()] = jacobian_at(model, v, known(v), steps)
-        return latest_slopes[v.tobytes()][chosen] * width
-
-    solve = partial(
-        least_squares,
-        residuals,
-        jac=jacobian,
-        bounds=(0, 1),
-        x_scale="jac",
-        xtol=XTOL,
-        ftol=FTOL,
-        gtol=1e-10,
-    )
-    found = solve(start_part, method="trf", max_nfev=most, callback=_Creeping(len(at[chosen])))
-    part = model.part_of_range(place(found.x))
+    creeping = _Creeping(len(at[data.chosen]))
+    found = solve(start_part, method="trf", max_nfev=most, callback=creeping)
+    part = model.part_of_range(data.place(found.x))
     pushed = _pushed(found, part)
     if most > ROUGH and pushed.any():
         on_bounds = np.where(pushed, np.rint(part), found.x)
         ended = solve(on_bounds, method="dogbox", max_nfev=LAST)
         found = ended if ended.cost <= (1 + FTOL) * found.cost else found
-    end = place(found.x)
+    end = data.place(found.x)
     size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
     return end, steps_for(model, size, steps)
+
+
+class _Data:
+    """The residuals that are fitted, by parameters in parts of their ranges.
+
+    The optimiser adds up steps of all parameters, and metres would count for nothing beside volts.
+    """
+
+    def __init__(self, model: ExtendedModel, chosen: slice | NDArray[np.bool_]) -> None:
+        self.chosen = chosen
+        self._model = model
+        self._low, high = model.bounds
+        self._width = high - self._low
+        # Fits often begin where the one before has ended
+        self._residuals: dict[bytes, Array] = {}
+        self._slopes: dict[bytes, Array] = {}
+
+    def place(self, part: Array) -> Array:
+        """Return the parameters (p,) at parts of their ranges."""
+        return np.asarray(
+            np.clip(self._low + self._width * part, self._low, self._low + self._width)
+        )
+
+    def know(self, vector: Array, residuals: Array, slopes: Array) -> None:
+        """Keep the residuals and their derivatives, all of them, where they are asked for next."""
+        self._residuals = {vector.tobytes(): residuals}
+        self._slopes = {vector.tobytes(): slopes}
+
+    def residuals(self, part: Array) -> Array:
+        """Return the residuals (n,) that are fitted."""
+        return self._known(self.place(part))[self.chosen]
+
+    def slopes(self, part: Array, steps: Array) -> Array:
+        """Return their derivatives (n, p) by the parts."""
+        vector = self.place(part)
+        key = vector.tobytes()
+        if key not in self._slopes:
+            at = self._known(vector)
+            self._slopes = {key: jacobian_at(self._model, vector, at, steps)}
+        return self._slopes[key][self.chosen] * self._width
+
+    def _known(self, vector: Array) -> Array:
+        key = vector.tobytes()
+        if key not in self._residuals:
+            self._residuals = {key: self._model.residuals(vector)}
+        return self._residuals[key]
+
+
+class _Triangles:
+    """A least-squares problem of as many rows as parameters, which an optimiser cannot tell apart.
+
+    With QR = [J r] of slopes and residuals, R has the squares, the gradient and the curvature of
+    [J r], and none of its hundred thousand rows, with which optimisers would spend most of the
+    time. R is that of the place at hand: where χ² falls below all before, an optimiser goes on from
+    there and asks for the slopes, too. Elsewhere only χ² counts.
+    """
+
+    def __init__(self, data: _Data, steps: Array) -> None:
+        self._data = data
+        self._steps = steps
+        self._place = b""
+        self._least = np.inf
+        self._triangle = np.empty((0, 1))
+
+    def residuals(self, part: Array) -> Array:
+        """Return the last column of R, or another one whose squares add up to χ²."""
+        if part.tobytes() == self._place:
+            return self._triangle[:, -1]
+        whole = self._data.residuals(part)
+        chi2 = float(whole @ whole)
+        if chi2 < self._least:
+            both = np.column_stack([self._data.slopes(part, self._steps), whole])
+            self._triangle = np.asarray(np.linalg.qr(both, mode="r"))
+            self._place = part.tobytes()
+            self._least = chi2
+            return self._triangle[:, -1]
+        shown = np.zeros(min(len(whole), part.size + 1))
+        least = float(np.linalg.norm(self._triangle[:, -1])) * (1 + ROUNDING)
+        shown[0] = max(np.sqrt(chi2), least)
+        return shown
+
+    def jacobian(self, part: Array) -> Array:
+        """Return the other columns of R, of the place of least χ², from which one goes on."""
+        return self._triangle[:, :-1]
 
 
 class _Creeping:
