@@ -81,6 +81,11 @@ class Effect:
     file: EffectFile | None = field(default=None, repr=False, compare=False)
 
     @property
+    def has_strength(self) -> bool:
+        """Whether it has strengths, and vanishes with them."""
+        return any(spec.strength for spec in self.parameters)
+
+    @property
     def kinds(self) -> tuple[Kind, ...]:
         """The kinds of measurement that the effect can show in."""
         return tuple(

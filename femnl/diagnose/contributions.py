@@ -22,7 +22,7 @@ from femnl.core.contributions import (
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, Names
-from femnl.diagnose.discrepancy import has_zero, idle
+from femnl.diagnose.discrepancy import idle
 from femnl.diagnose.joint import JointModel, Own
 from femnl.diagnose.shares import without
 from femnl.fits.least_squares import FitResult
@@ -56,7 +56,7 @@ def _models(best: Candidate, found: Sequence[Candidate]) -> list[Named]:
     known = {candidate.names: candidate.result for candidate in found}
     effects = best.result.model.effects
     own, values = best.result.model.split(best.result.vector)
-    lasting = tuple(name for name in best.names if not has_zero(_effect(best, name)))
+    lasting = tuple(name for name in best.names if not _effect(best, name).has_strength)
     models: list[Named] = [(WHOLE, effects, own, values), _idle(best, found[0], lasting, known)]
     for name in best.names:
         if name in lasting:
@@ -85,7 +85,7 @@ def _idle(
 
 
 def _against(best: Candidate) -> str:
-    lasting = [name for name in best.names if not has_zero(_effect(best, name))]
+    lasting = [name for name in best.names if not _effect(best, name).has_strength]
     if not lasting:
         return "the fitted model with all causes at zero"
     rest = ", the other causes at zero" if len(lasting) < len(best.names) else ""

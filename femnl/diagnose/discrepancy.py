@@ -120,66 +120,91 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     linear, so that parameters and distortions integrate in closed form. Up to a constant that all
     candidates of the measurement share.
     """
-    base_model = base.result.model.base_model
-    done = [done_by(candidate, base, effect) for effect in effects_of(candidate)]
+    result = candidate.result
+    effects = effects_of(candidate)
+    ways = [
+        distortions(done_by(candidate, base, effect), result.model.base_model) for effect in effects
+    ]
+    n_ways = [part.shape[1] for part in ways]
+    seen = _Seen(result, np.concatenate([np.empty((len(result.residuals), 0)), *ways], 1), allowed)
 
-    def missed(factor: float) -> Array:
-        parts = [
+    def sizes(factor: float) -> Array:
+        """Return the standard deviation of each distortion (n_distortions,)."""
+        each = [
             min(factor * effect.accuracy, max(effect.accuracy, LEAST_ACCURATE))
-            * distortions(own, base_model)
-            for effect, own in zip(effects_of(candidate), done, strict=True)
+            for effect in effects
         ]
-        return np.concatenate([np.empty((len(candidate.result.residuals), 0)), *parts], axis=1)
+        return np.repeat(each, n_ways)
 
     return float(
         logsumexp(
             [
-                np.log(probability) + _at_accuracy(candidate.result, missed(factor), allowed)
+                np.log(probability) + seen.log_evidence(sizes(factor))
                 for factor, probability in ACCURACIES
             ]
         )
     )
 
 
-def _at_accuracy(result: FitResult, missed: Array, allowed: Discrepancy) -> float:
-    """Return the logarithm of evidence where equations are as accurate as stated.
+class _Seen:
+    """A fit and what its causes' equations may miss, as the discrepancy of the data sees them.
 
-    Args: missed (n, n_distortions): what they may miss, one standard deviation each.
+    The products of long columns, which are the same whatever the accuracy of the equations.
     """
-    low, high = result.model.bounds
-    width = high - low
-    directions = allowed.directions
-    slopes = np.concatenate([result.jacobian * width, missed], axis=1)
-    n_distortions = slopes.shape[1] - width.size
-    known = np.concatenate([np.full(width.size, 12.0), np.ones(n_distortions)])
-    inside = directions @ slopes
-    seen = directions @ result.residuals
-    k = len(directions)
-    weight = allowed.pieces / max(len(result.residuals) - k, 1)
-    across = slopes.T @ slopes - inside.T @ inside
-    pull = slopes.T @ result.residuals - inside.T @ seen
-    rest = max(result.chi2 - float(seen @ seen), 0.0)
-    smooth = (1 + allowed.sizes**2)[:, None]
-    scatter = (1 + allowed.sizes**2)[None, :]
-    per_scatter = weight / scatter
-    fisher = (
-        across * per_scatter[..., None, None]
-        + inside.T @ inside / smooth[..., None, None]
-        + np.diag(known)
-    )
-    # What ended at a bound cannot move beyond it
-    moving = np.concatenate([result.free, np.ones(n_distortions, bool)])
-    gradient = pull * per_scatter[..., None] + inside.T @ seen / smooth[..., None]
-    gradient = gradient[..., moving]
-    shift = np.linalg.solve(fisher[..., moving, :][..., moving], gradient[..., None])[..., 0]
-    square = rest * per_scatter + float(seen @ seen) / smooth - np.sum(gradient * shift, axis=-1)
-    _, volume = np.linalg.slogdet(fisher)
-    level = -0.5 * (square + k * np.log(smooth) + allowed.pieces * np.log(scatter) + volume)
-    best = np.unravel_index(int(np.argmax(level)), level.shape)
-    spread = np.sqrt(np.diag(np.linalg.inv(fisher[best]))[: width.size]) * width
-    prior = log_prior(result.model, result.vector, spread) + float(np.sum(np.log(width)))
-    constant = 0.5 * width.size * np.log(2 * np.pi) - np.log(level.size)
-    return float(logsumexp(level) + prior + constant)
+
+    def __init__(self, result: FitResult, ways: Array, allowed: Discrepancy) -> None:
+        """Take the ways (n, n_distortions) in which equations may miss."""
+        self._result = result
+        self._allowed = allowed
+        low, high = result.model.bounds
+        self._width = high - low
+        slopes = np.concatenate([result.jacobian * self._width, ways], axis=1)
+        directions = allowed.directions
+        self._inside = directions @ slopes
+        self._seen = directions @ result.residuals
+        self._across = slopes.T @ slopes - self._inside.T @ self._inside
+        self._pull = slopes.T @ result.residuals - self._inside.T @ self._seen
+
+    def log_evidence(self, missed: Array) -> float:
+        """Return the logarithm of evidence where equations are as accurate as stated.
+
+        Args: missed (n_distortions,): the standard deviation of each.
+        """
+        result = self._result
+        allowed = self._allowed
+        width = self._width
+        unit = np.concatenate([np.ones(width.size), missed])
+        known = np.concatenate([np.full(width.size, 12.0), np.ones(missed.size)])
+        inside = self._inside * unit
+        across = self._across * np.outer(unit, unit)
+        pull = self._pull * unit
+        seen = self._seen
+        k = len(allowed.directions)
+        weight = allowed.pieces / max(len(result.residuals) - k, 1)
+        rest = max(result.chi2 - float(seen @ seen), 0.0)
+        smooth = (1 + allowed.sizes**2)[:, None]
+        scatter = (1 + allowed.sizes**2)[None, :]
+        per_scatter = weight / scatter
+        fisher = (
+            across * per_scatter[..., None, None]
+            + inside.T @ inside / smooth[..., None, None]
+            + np.diag(known)
+        )
+        # What ended at a bound cannot move beyond it
+        moving = np.concatenate([result.free, np.ones(missed.size, bool)])
+        gradient = pull * per_scatter[..., None] + inside.T @ seen / smooth[..., None]
+        gradient = gradient[..., moving]
+        shift = np.linalg.solve(fisher[..., moving, :][..., moving], gradient[..., None])[..., 0]
+        square = (
+            rest * per_scatter + float(seen @ seen) / smooth - np.sum(gradient * shift, axis=-1)
+        )
+        _, volume = np.linalg.slogdet(fisher)
+        level = -0.5 * (square + k * np.log(smooth) + allowed.pieces * np.log(scatter) + volume)
+        best = np.unravel_index(int(np.argmax(level)), level.shape)
+        spread = np.sqrt(np.diag(np.linalg.inv(fisher[best]))[: width.size]) * width
+        prior = log_prior(result.model, result.vector, spread) + float(np.sum(np.log(width)))
+        constant = 0.5 * width.size * np.log(2 * np.pi) - np.log(level.size)
+        return float(logsumexp(level) + prior + constant)
 
 
 def effects_of(candidate: Candidate) -> tuple[Effect, ...]:
@@ -194,7 +219,7 @@ def changed_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
     the base model.
     """
     result = candidate.result
-    if not has_zero(effect):
+    if not effect.has_strength:
         return np.asarray(base.result.residuals - result.residuals)
     effects = result.model.effects
     base_values, values = result.model.split(result.vector)
@@ -210,17 +235,12 @@ def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
     data the more for it. Of a cause without strengths, the base model is fitted already.
     """
     changed = changed_by(candidate, base, effect)
-    if not has_zero(effect):
+    if not effect.has_strength:
         return changed
     result = candidate.result
     of_base = np.array([owner == "base" for owner, _ in result.model.parameters])
     own, _ = np.linalg.qr(result.jacobian[:, of_base & result.free])
     return np.asarray(changed - own @ (own.T @ changed))
-
-
-def has_zero(effect: Effect) -> bool:
-    """Whether an effect has strengths, and vanishes with them."""
-    return any(spec.strength for spec in effect.parameters)
 
 
 def idle(
