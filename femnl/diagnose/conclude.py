@@ -36,7 +36,7 @@ def conclude(
     file: str, digest: str, found: list[Candidate], notes: tuple[str, ...], run: Run
 ) -> Diagnosis:
     """Weigh what was fitted and put the verdict together."""
-    judged = judge(found)
+    judged = judge(found, run)
     base = found[0]
     best = judged.chosen
     share = judged.share

@@ -13,6 +13,7 @@ from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.rivals import EVEN, equals
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.weighing import Weighed
+from femnl.diagnose.worker_pool import Run, in_turn
 
 
 @dataclass(frozen=True)
@@ -186,9 +187,9 @@ NOISE_IS_LARGER = frozenset(
 """Rules by which what the chosen set leaves is noise, larger than stated."""
 
 
-def judge(found: list[Candidate]) -> Judgement:
+def judge(found: list[Candidate], run: Run = in_turn) -> Judgement:
     """Return the verdict of the first rule that applies; the first candidate is the base model."""
-    weighed = Weighed(found)
+    weighed = Weighed(found, run)
     for rule in RULES:
         judgement = rule(weighed)
         if judgement is not None:

@@ -1,7 +1,7 @@
 """What fitted candidates are worth: evidence, prediction of held-out data, and their rivals."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -19,19 +19,26 @@ from femnl.diagnose.rivals import (
     scatter_evidence,
 )
 from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.observe.noisy import without_noise
 
 NEEDLESS = float(np.log(THRESHOLDS.needless_odds))
 """Logarithm of the odds that decide whether further causes are needless, either way."""
+TOGETHER = 4
+"""Sets of causes that are weighed by one process at a time, as each is sent the discrepancy."""
 OF_FEW_SHAPES = frozenset({"decay", "trace"})
 """Kinds whose causes are smooth functions of one variable: time, or the number of a harmonic."""
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """Fitted candidates, the base model first, with what the rules ask of them."""
+    """Fitted candidates, the base model first, with what the rules ask of them.
+
+    run: does what does not wait for each other.
+    """
 
     found: list[Candidate]
+    run: Run = in_turn
 
     @property
     def base(self) -> Candidate:
@@ -202,9 +209,13 @@ class Weighed:
         possible = [c for c in self.found if c is self.base or not c.stuck]
         allowed = self.allowed
         odds = float(np.log(THRESHOLDS.odds_per_cause))
-        weights = np.array(
-            [log_evidence(c, self.base, allowed) + len(c.names) * odds for c in possible]
-        )
+        together = [possible[i : i + TOGETHER] for i in range(0, len(possible), TOGETHER)]
+        jobs = [
+            Job("weighing sets of causes", partial(_log_evidences, some, self.base, allowed))
+            for some in together
+        ]
+        evidence = np.concatenate(self.run(jobs))
+        weights = evidence + odds * np.array([len(c.names) for c in possible])
         shares = np.exp(weights - weights.max())
         return {c.names: float(s) for c, s in zip(possible, shares / shares.sum(), strict=True)}
 
@@ -307,3 +318,7 @@ class Weighed:
     def predicts_better_than_base(self) -> bool:
         """Whether the best set predicts held-out data better than the base model."""
         return predicts_better(self.best.result.cross_validation, self.base.result.cross_validation)
+
+
+def _log_evidences(some: list[Candidate], base: Candidate, allowed: Discrepancy) -> list[float]:
+    return [log_evidence(candidate, base, allowed) for candidate in some]
