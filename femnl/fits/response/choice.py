@@ -23,8 +23,10 @@ SIGN_MARGIN = 10.0
 """Fall of χ²/s² from which on the phase is taken to rise with frequency."""
 MOSTLY = 0.3
 """Of the χ² of the richest linear model: what leaves less has a jump, and the right sign."""
-CLEARLY = 0.5
-"""Of the χ² of the other sign: what leaves less is likelier, though no model is met."""
+CLEARLY = 0.25
+"""Of the χ² of the other sign: what leaves less is likelier, though no model is met. A strong line
+beside the resonance may leave half of it under the wrong sign.
+"""
 CONJUGATED = (
     "the phase rises through the resonance, so the data follow exp(−iωt); they are conjugated, and "
     "phase and background are those of exp(+iωt)"
@@ -54,8 +56,8 @@ def choose(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> Choice:
     """Fit the models that are allowed and return the one that the evidence prefers.
 
     A resonance runs through its circle clockwise, with or without background, delay or stiffening:
-    the sign of the phase is that of the file unless the other one leaves much less, or where no
-    model describes the data, clearly less.
+    the sign of the phase is that of the file unless the other one leaves much less. Where no model
+    describes the data, it is the one that leaves clearly less, or else that of the linear form.
 
     Args: layout: of θ, its background yet to be chosen.
     """
@@ -101,8 +103,9 @@ def _sign(sweeps: Sweeps, tried: Mapping[int, TriedModels]) -> int:
     first, *others = tried
     if not others:
         return first
-    met = any(fits.met for fits in tried.values())
-    return -1 if _turns(sweeps, tried) and (met or _clear(tried, -1)) else first
+    if any(fits.met for fits in tried.values()) or _clear(tried, -1):
+        return -1 if _turns(sweeps, tried) else first
+    return first if _clear(tried, first) else likely_sign(sweeps)
 
 
 def _clear(tried: Mapping[int, TriedModels], sign: int) -> bool:
