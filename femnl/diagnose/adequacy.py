@@ -43,7 +43,7 @@ class Adequacy:
         Args: factor: noise over the stated one.
         """
         least, worst = self._least(factor)
-        bound = least * self._count(len(self.found))
+        bound = least * all_tests(len(self.found))
         if bound < CERTAIN:
             return bound, worst
         below = int(np.searchsorted(self._simulated, least, side="right"))
@@ -60,12 +60,7 @@ class Adequacy:
             the stated one.
         """
         least, worst = self._least(factor)
-        return least * self._count(count), worst
-
-    @staticmethod
-    def _count(found: int) -> int:
-        """Return the number of all tests, so many of directions and effects among them."""
-        return found + len(BESIDE)
+        return least * all_tests(count), worst
 
     def _least(self, factor: float) -> tuple[float, str]:
         """Return the smallest p-value of all tests, and the name of its test."""
@@ -137,6 +132,11 @@ class Adequacy:
     def _sizes(self) -> NDArray[np.int64]:
         """Degrees of freedom of each test."""
         return np.array([len(test.basis) for test in self.found], dtype=np.int64)
+
+
+def all_tests(found: int) -> int:
+    """Return the number of all tests, so many of directions and effects among them."""
+    return found + len(BESIDE)
 
 
 def _summed(squares: Array, sizes: NDArray[np.int64]) -> Array:

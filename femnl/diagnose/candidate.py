@@ -8,7 +8,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from femnl.core.effect import Effect
-from femnl.diagnose.adequacy import Adequacy
+from femnl.diagnose.adequacy import Adequacy, all_tests
+from femnl.diagnose.part_of_data import in_part
 from femnl.diagnose.score_tests import ScoreTest, score_tests, unlike
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job
@@ -16,14 +17,20 @@ from femnl.fits.least_squares import FitResult
 
 Names = tuple[str, ...]
 T = TypeVar("T")
+MANY = 100_000
+"""More score tests than are ever made of a model."""
 
 
 @dataclass(frozen=True)
 class Pointer:
-    """An effect that residuals point to, and the values of its parameters from which fits start."""
+    """An effect that residuals point to, and the values of its parameters from which fits start.
+
+    gain: what it promises to take of χ² from the best of them.
+    """
 
     effect: Effect
     shapes: tuple[dict[str, float], ...]
+    gain: float
 
 
 @dataclass(frozen=True)
@@ -34,10 +41,12 @@ class FirstTests:
     times longer than the one of each to which it points most.
 
     shapes: that one, by name of each effect. n_tests: of all shapes, for which a bound allows.
+    worst: what speaks most against the base model, an effect or a pattern: most sets leave that.
     """
 
     shapes: dict[str, dict[str, float]]
     n_tests: int
+    worst: str
 
 
 @dataclass(frozen=True)
@@ -60,7 +69,7 @@ class Candidate:
     def first_tests(self) -> FirstTests:
         """Those of what the set points to most."""
         shapes = {pointer.effect.name: pointer.shapes[0] for pointer in self.pointers or ()}
-        return FirstTests(shapes, self.n_tests)
+        return FirstTests(shapes, self.n_tests, self.worst)
 
     @property
     def factor(self) -> float:
@@ -160,11 +169,36 @@ def criticise(
     return Candidate(result, p_value, worst, pointers, as_noise, len(found))
 
 
+def is_adequate(result: FitResult, library: list[Effect]) -> bool:
+    """Whether a base model explains the data; patterns are tried first, effects only if need be."""
+    bound, _ = Adequacy(result, score_tests(result, [])).bound(MANY)
+    if bound < THRESHOLDS.base_inadequate:
+        return False
+    return criticise(result, library).p_value >= THRESHOLDS.base_inadequate
+
+
 def glance(result: FitResult, library: list[Effect], first: FirstTests) -> Candidate:
     """Return a set with the p-value of the first tests alone."""
-    found = _first_tests(result, _others(result, library), first)
-    p_value, worst = Adequacy(result, found).p_value()
+    others = _others(result, library)
+    refuted = _refuted_by_worst(result, others, first)
+    if refuted is not None:
+        return refuted
+    p_value, worst = Adequacy(result, _first_tests(result, others, first)).p_value()
     return Candidate(result, p_value, worst, None)
+
+
+def looked_at(candidate: Candidate, library: list[Effect], whole: bool) -> Candidate:
+    """Return a set with what its residuals point to.
+
+    Args: whole: whether all data are asked; else a part of them is, where they are many, and a set
+        that was refuted stays so.
+    """
+    part = candidate.result if whole else in_part(candidate.result)
+    if part is candidate.result:
+        return criticise(part, library) if candidate.pointers is None else candidate
+    others = _others(part, library)
+    pointers = tuple(_pointers(part, score_tests(part, others), others))
+    return replace(candidate, pointers=pointers)
 
 
 def _refuted(result: FitResult, others: list[Effect], first: FirstTests) -> Candidate | None:
@@ -172,6 +206,10 @@ def _refuted(result: FitResult, others: list[Effect], first: FirstTests) -> Cand
 
     Its p-values are bounds, which allow for all tests.
     """
+    if not _noise_may_be_larger(result):
+        refuted = _refuted_by_worst(result, others, first)
+        if refuted is not None:
+            return refuted
     adequacy = Adequacy(result, _first_tests(result, others, first))
     p_value, worst = adequacy.bound(first.n_tests)
     as_noise = np.nan
@@ -180,6 +218,24 @@ def _refuted(result: FitResult, others: list[Effect], first: FirstTests) -> Cand
     if np.nanmax([p_value, as_noise]) >= THRESHOLDS.chance_excluded / 10:
         return None
     return Candidate(result, p_value, worst, None, as_noise)
+
+
+def _refuted_by_worst(
+    result: FitResult, others: list[Effect], first: FirstTests
+) -> Candidate | None:
+    """Return a set that is refuted by what speaks most against the base model; None where not.
+
+    That is an effect, unless the set has it, or a pattern: then all patterns are tried.
+    """
+    told = [effect for effect in others if effect.name == first.worst]
+    of_effect = first.worst in first.shapes
+    tests = score_tests(result, told, first.shapes, patterns=not of_effect)
+    worst = min(tests, key=lambda test: test.p_value, default=None)
+    if worst is None:
+        return None
+    bound = worst.p_value * all_tests(first.n_tests)
+    refuted = bound < THRESHOLDS.chance_excluded / 10
+    return Candidate(result, bound, worst.name, None) if refuted else None
 
 
 def _first_tests(result: FitResult, others: list[Effect], first: FirstTests) -> list[ScoreTest]:
@@ -235,7 +291,7 @@ def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) 
     by_chance = sorted(best, key=lambda name: min(test.p_value for test in best[name]))
     promising.update(by_chance[: THRESHOLDS.surprising_effects])
     return [
-        Pointer(e, tuple(test.values for test in unlike(best[e.name])))
+        Pointer(e, tuple(test.values for test in unlike(best[e.name])), best[e.name][0].gain)
         for e in library
         if e.name in promising
     ]

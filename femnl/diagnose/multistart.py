@@ -10,6 +10,7 @@ import numpy as np
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
 from femnl.diagnose.global_starts import centres, scan
+from femnl.diagnose.part_of_data import best_in_all, in_part
 from femnl.diagnose.score_tests import score_tests, tangents_mislead, unlike
 from femnl.fits.least_squares import FitResult, fit, improve
 from femnl.observe.extended import ExtendedModel
@@ -56,6 +57,11 @@ def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) 
 
     A start goes as far towards that as is no worse than without the effect.
     """
+    return best_in_all(_extended(in_part(result), effect, shapes), result)
+
+
+def _extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) -> list[FitResult]:
+    """Return the fits of `extended`."""
     _, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     starts = []
@@ -73,13 +79,10 @@ def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) 
         far_starts = scan(result, effect)[:REFINED]
         starts += [model.pack(far.base, [*earlier, far.values]) for far in far_starts]
     # A few evaluations do not separate what predicts alike.
-    return min(
-        [
-            *_finished(model, starts, result, FAR),
-            *(fit(model, start, near=result) for start in elsewhere),
-        ],
-        key=lambda s: s.chi2,
-    )
+    return [
+        *_finished(model, starts, result, FAR),
+        *(fit(model, start, near=result) for start in elsewhere),
+    ]
 
 
 def _no_worse(
@@ -135,6 +138,12 @@ def replaced(result: FitResult, effect: Effect) -> FitResult | None:
 
     The result is None where all of them leave absurdly much.
     """
+    found = _replaced(in_part(result), effect)
+    return best_in_all(found, result) if found else None
+
+
+def _replaced(result: FitResult, effect: Effect) -> list[FitResult]:
+    """Return the fits of `replaced`."""
     base, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     lowest: list[Array] = []
@@ -150,10 +159,8 @@ def replaced(result: FitResult, effect: Effect) -> FitResult | None:
         (improve(model, start, ROUGH, result) for start in lowest), key=lambda found: found[0]
     )
     if rough[0][0] > ABSURD * result.chi2:
-        return None
-    return min(
-        (fit(model, vector, near=result) for _, vector in rough[:REFINED]), key=lambda s: s.chi2
-    )
+        return []
+    return [fit(model, vector, near=result) for _, vector in rough[:REFINED]]
 
 
 def sought_beyond(result: FitResult) -> FitResult | None:
@@ -166,6 +173,12 @@ def sought_again(result: FitResult, k: int) -> FitResult | None:
 
     An earlier one was found without the latest, and tangents may have led astray.
     """
+    found = _sought_again(in_part(result), k)
+    return best_in_all(found, result) if found else None
+
+
+def _sought_again(result: FitResult, k: int) -> list[FitResult]:
+    """Return the fits of `sought_again`."""
     model = result.model
     effect = result.model.effects[k]
     base, values = model.split(result.vector)
@@ -173,7 +186,7 @@ def sought_again(result: FitResult, k: int) -> FitResult | None:
         spec.strength for spec in effect.parameters
     )
     if not (model.base_model.needs_global_search or shaped):
-        return None
+        return []
     others = [i for i in range(len(values)) if i != k]
     without = ExtendedModel(model.base_model, tuple(model.effects[i] for i in others))
     rest = fit(without, without.pack(base, [values[i] for i in others]), near=result)
@@ -198,7 +211,7 @@ def sought_again(result: FitResult, k: int) -> FitResult | None:
             (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)),
             result,
         )
-    return min(found, key=lambda s: s.chi2, default=None)
+    return found
 
 
 def _continuous(effect: Effect) -> int:

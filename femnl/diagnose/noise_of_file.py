@@ -8,7 +8,7 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.diagnosis import Excluded, NoiseTold
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import Candidate, criticise, scaled
+from femnl.diagnose.candidate import Candidate, criticise, is_adequate, scaled
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.noise import found_noise, standing_out
 from femnl.diagnose.thresholds import THRESHOLDS
@@ -67,7 +67,7 @@ def first_noise(
             continue
         seen = with_noise(bare, other)
         result = fit(ExtendedModel(seen), seen.start, checkpoint=checkpoint)
-        if criticise(result, library).p_value >= THRESHOLDS.base_inadequate:
+        if is_adequate(result, library):
             return other
     return sure
 

@@ -58,21 +58,27 @@ class ScoreTest:
 
 
 def score_tests(
-    result: FitResult, library: list[Effect], shapes: Mapping[str, Values] | None = None
+    result: FitResult,
+    library: list[Effect],
+    shapes: Mapping[str, Values] | None = None,
+    *,
+    patterns: bool = True,
 ) -> list[ScoreTest]:
     """Return every score test of the residuals.
 
     Each pattern of the model is tested once, and each effect at each of its trial shapes.
 
     Args: shapes: by name of each effect, values of its parameters; each is tested in this one
-        shape. By default it is tested in all trial shapes.
+        shape. By default it is tested in all trial shapes. patterns: whether patterns are tested.
     """
+    if not library and not patterns:
+        return []
     own, _ = np.linalg.qr(result.jacobian[:, result.free])
     base_model = result.model.base_model
     found = []
-    for name, direction in base_model.residual_directions(
-        result.model.effects, *result.model.split(result.vector)
-    ).items():
+    at = result.model.split(result.vector)
+    named = base_model.residual_directions(result.model.effects, *at) if patterns else {}
+    for name, direction in named.items():
         basis = _beside(own, direction[None])
         if len(basis):
             gain = float(np.sum((basis @ result.residuals) ** 2))
@@ -88,7 +94,7 @@ def score_tests(
         if _same(result, result.model.pack(other, values))
     ]
     for effect in library:
-        if any(spec.strength for spec in effect.parameters):
+        if effect.has_strength:
             here, *there = (
                 _effect_tests(result, own, effect, place, values, shapes)
                 for place in (base, *others)

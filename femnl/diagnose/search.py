@@ -13,7 +13,15 @@ from scipy.stats import chi2
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import Effect
 from femnl.diagnose.afar import PAIR, from_afar
-from femnl.diagnose.candidate import Candidate, Names, criticise, glance, job, names_of
+from femnl.diagnose.candidate import (
+    Candidate,
+    Names,
+    criticise,
+    glance,
+    job,
+    looked_at,
+    names_of,
+)
 from femnl.diagnose.multistart import (
     extended,
     replaced,
@@ -26,8 +34,12 @@ from femnl.diagnose.search_rules import (
     may_be_noisier,
     needs_global_search,
     outweighed,
+    points_farther,
     settled,
+    spoils,
+    takes_nothing,
     takes_up_nearly_all,
+    tangents_tell,
     worth_extending,
 )
 from femnl.diagnose.thresholds import THRESHOLDS
@@ -84,7 +96,12 @@ def search(
             break
         if settled(grown) or (size >= PAIR and takes_up_nearly_all(grown, base)):
             break
-        parents = _looked_at(worth_extending(grown, size), library, run)
+        told = tangents_tell(base, found)
+        parents = worth_extending(grown, size)
+        if told:
+            library = _without_spoilers(library, found)
+            parents = _without_idle(parents, base, library, run)
+        parents = _looked_at(parents, library, run, told)
     return _simpler(found, library, run)
 
 
@@ -216,13 +233,57 @@ def _partners(
     return _looked_at(alone, library, run)
 
 
-def _looked_at(candidates: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
-    """Criticise what has not been yet."""
-    todo = [c.result for c in candidates if c.pointers is None]
-    fresh = iter(
-        run([job("looking at", names_of(s), s, partial(criticise, s, library)) for s in todo])
-    )
-    return [next(fresh) if c.pointers is None else c for c in candidates]
+def _looked_at(
+    candidates: list[Candidate], library: list[Effect], run: Run, told: bool = False
+) -> list[Candidate]:
+    """Seek where residuals point, where that was not sought yet.
+
+    Args: told: whether tangents tell what causes take up; then all data are asked, and nothing is
+        pointed to that would take hardly anything.
+    """
+    todo = [c for c in candidates if c.pointers is None]
+    look = partial(looked_at, library=library, whole=told)
+    fresh = iter(run([job("looking at", c.names, c.result, partial(look, c)) for c in todo]))
+    seen = [next(fresh) if c.pointers is None else c for c in candidates]
+    return [_with_telling(c) for c in seen] if told else seen
+
+
+def _without_spoilers(library: list[Effect], found: list[Candidate]) -> list[Effect]:
+    """Leave out effects without strength that alone leave more than the base model.
+
+    Where causes add up, they do so beside others, too.
+    """
+    base, *tried = found
+    better = {c.names for c in tried if not spoils(c, base)}
+    return [effect for effect in library if effect.has_strength or (effect.name,) in better]
+
+
+def _without_idle(
+    parents: list[Candidate], base: Candidate, library: list[Effect], run: Run
+) -> list[Candidate]:
+    """Leave out single causes beside which nothing promises more than beside the base model.
+
+    They take nothing themselves, and where causes add up, pairs with them are tried in vain. The
+    likeliest sets stay.
+    """
+    idle = [
+        c
+        for c in parents[THRESHOLDS.beam :]
+        if len(c.names) == 1 and c.pointers is None and takes_nothing(c, base)
+    ]
+    if not idle:
+        return parents
+    alone = looked_at(base, library, whole=False)
+    seen = _looked_at(idle, library, run)
+    vain = {c.names for c in seen if not points_farther(c, alone)}
+    return [c for c in parents if c.names not in vain]
+
+
+def _with_telling(candidate: Candidate) -> Candidate:
+    """Leave out pointers to what would take hardly anything, however its shape is chosen."""
+    least = THRESHOLDS.least_taken / 2
+    pointers = tuple(pointer for pointer in candidate.pointers or () if pointer.gain >= least)
+    return replace(candidate, pointers=pointers)
 
 
 def _kept(
@@ -271,11 +332,7 @@ def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitRes
         for pointer in parent.pointers or ():
             find = partial(extended, result, pointer.effect, list(pointer.shapes))
             jobs.append(job("trying", names_of(result, pointer.effect), result, find))
-        others = [
-            e
-            for e in library
-            if e.name not in mine and not any(spec.strength for spec in e.parameters)
-        ]
+        others = [e for e in library if e.name not in mine and not e.has_strength]
         jobs += [
             job("trying", names_of(result, e), result, partial(replaced, result, e)) for e in others
         ]

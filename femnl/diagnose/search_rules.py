@@ -1,6 +1,6 @@
 """When a search for causes goes on, and with what."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -16,6 +16,46 @@ def worth_extending(grown: dict[Names, Candidate], size: int) -> list[Candidate]
     return [
         c for i, c in enumerate(ranked) if i < THRESHOLDS.beam or (size == 0 and _excess(c) < near)
     ]
+
+
+def tangents_tell(base: Candidate, single: Iterable[Candidate]) -> bool:
+    """Whether every cause takes up of the base model's χ² what its score test promised.
+
+    The data are then so near to the base model that causes add up, and what two do together is
+    promised by score tests beside one of them.
+    """
+    if base.result.model.base_model.needs_global_search:
+        return False
+    promised = {pointer.effect.name: pointer.gain for pointer in base.pointers or ()}
+    pairs = [
+        (base.result.chi2 - c.result.chi2, promised[c.names[0]])
+        for c in single
+        if len(c.names) == 1 and c.names[0] in promised
+    ]
+    few = THRESHOLDS.least_taken
+    return bool(pairs) and all(gain / 2 - few <= found <= 2 * gain + few for found, gain in pairs)
+
+
+def takes_nothing(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a cause takes no more of χ² than chance."""
+    return base.result.chi2 - candidate.result.chi2 < THRESHOLDS.least_taken
+
+
+def spoils(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a cause that takes the place of part of the base model leaves more than it."""
+    return candidate.result.chi2 - base.result.chi2 > THRESHOLDS.least_taken
+
+
+def points_farther(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a cause promises more beside a set than beside the base model.
+
+    Args: both with pointers from the same data.
+    """
+    alone = {pointer.effect.name: pointer.gain for pointer in base.pointers or ()}
+    return any(
+        pointer.gain > alone.get(pointer.effect.name, 0.0) + THRESHOLDS.least_taken
+        for pointer in candidate.pointers or ()
+    )
 
 
 def outweighed(candidate: Candidate, found: list[Candidate]) -> bool:

@@ -79,6 +79,12 @@ class Thresholds:
     least_gain: float = _threshold(
         0.01, "part of the excess of χ² that any other effect must promise to take up", _BLIND
     )
+    least_taken: float = _threshold(
+        8.0,
+        "what a cause must take of χ² to be extended where tangents tell what causes take: less is "
+        "not worth its parameters",
+        _BLIND,
+    )
     far_off: float = _threshold(
         5.0,
         "root of χ² per degree of freedom of the base model from which on single effects are "

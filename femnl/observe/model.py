@@ -101,6 +101,19 @@ def quadratures(name: str, unit: str, sd: Array, coordinates: Columns) -> tuple[
     return (Quantity(name, unit, np.arange(2 * n), np.tile(sd, 2), twice),)
 
 
+@dataclass(frozen=True, eq=False)
+class Thinned:
+    """The model of a part of the data, evenly spread.
+
+    at (n,): their residuals among those of the whole model. step: from one of them to the next, in
+    steps of the whole data along a line of acquisition.
+    """
+
+    model: "MeasurementModel"
+    at: NDArray[np.int64]
+    step: int
+
+
 class MeasurementModel(ABC):
     """One group of a measurement file with its base model: a forward model and its noise.
 
@@ -142,6 +155,11 @@ class MeasurementModel(ABC):
     def unscaled_by(self, glitches: Sequence[int]) -> "MeasurementModel":
         """Return the model whose scales do not follow these residuals; itself if none do."""
         return self
+
+    @property
+    def thinned(self) -> Thinned | None:
+        """Part of the data, in which strong causes show as well; None where all are few."""
+        return None
 
     @property
     def ranked(self) -> tuple[Ranked, ...]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femnl.core.comparison import Comparison
 from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.observe.model import Layout, MeasurementModel, Named, apart
+from femnl.observe.model import Layout, MeasurementModel, Named, Thinned, apart
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class NoisyModel(MeasurementModel):
     @property
     def variant(self) -> str:
         """The noise that was found."""
-        return repr(self.noise)
+        return f"{self.noise!r} {self.bare.variant}".rstrip()
 
     @cached_property
     def _followers(self) -> NDArray[np.int64]:
@@ -116,6 +116,22 @@ class NoisyModel(MeasurementModel):
             datum=around.datum[self.kept],
             repeated=around.repeated[self.kept],
         )
+
+    @cached_property
+    def thinned(self) -> Thinned | None:
+        """Part of the bare model's data, under the same noise."""
+        thin = self.bare.thinned
+        if thin is None:
+            return None
+        glitches = np.flatnonzero(np.isin(thin.at, self.noise.glitches))
+        noise = replace(
+            self.noise,
+            glitches=tuple(glitches.tolist()),
+            correlation=self.noise.correlation**thin.step,
+        )
+        number = np.cumsum(self.kept) - 1
+        at = number[thin.at[self.kept[thin.at]]]
+        return Thinned(with_noise(thin.model, noise), at, thin.step)
 
     @property
     def varied(self) -> tuple[str, ...]:

@@ -306,8 +306,8 @@ def test_modes_without_labels_are_the_lowest_even_where_a_pair_is_cut_in_half(
 
 def test_sets_fitted_again_come_with_what_was_tried_of_fewer_causes() -> None:
     """Else nothing would tell what each cause of the likeliest sets is worth."""
-    three = sum(3.0 * np.cos(np.pi * n * (X + 1) / 2) for n in (1, 2, 3))
-    data = three + np.random.default_rng(4).standard_normal(N)
+    five = sum(3.0 * np.cos(np.pi * n * (X + 1) / 2) for n in range(1, 6))
+    data = five + np.random.default_rng(4).standard_normal(N)
     found = search(level(data), WAVES)
     tried = {candidate.names for candidate in found}
     ranked = sorted(found, key=lambda candidate: -candidate.weight)

@@ -18,7 +18,16 @@ from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.directions import of_harmonics, of_places
 from femnl.observe.map.layout import around_places, follows, marked
 from femnl.observe.map.spots import Axis, Finer, Grid
-from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply, quadratures
+from femnl.observe.map.thinning import every, step_of
+from femnl.observe.model import (
+    Layout,
+    MeasurementModel,
+    Named,
+    Quantity,
+    Thinned,
+    apply,
+    quadratures,
+)
 from femnl.observe.score_directions import LITTLE, fringe_terms, overtones, uneven
 from femnl.optics.harmonics import along_line
 from femnl.optics.sampled import harmonics
@@ -47,7 +56,7 @@ class MapModel(MeasurementModel):
     places with data; present and measured (n_harmonics, n_points): where and what [V], 0 where it
     is missing; time (n_points,) [s] at which each place was measured, empty where that was not
     recorded; noise [V] per quadrature; mode: index of the driven mode; frequency [Hz] and drive [V]
-    of the drive.
+    of the drive; step: of so many rows and columns of the measured map, one is in it.
     """
 
     kind = "map"
@@ -69,6 +78,12 @@ class MapModel(MeasurementModel):
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+    step: int = 1
+
+    @property
+    def variant(self) -> str:
+        """Of how many rows and columns one is in it."""
+        return f"every {self.step}" if self.step > 1 else ""
 
     @cached_property
     def _finer(self) -> Finer:
@@ -105,7 +120,25 @@ class MapModel(MeasurementModel):
         whole = np.broadcast_to(tile[0] * TILES + tile[1], self.present.shape)[self.present]
         return np.concatenate([whole, whole])
 
-    @property
+    @cached_property
+    def thinned(self) -> Thinned | None:
+        """Every so many rows and columns, where the map has many places."""
+        part, coarse = every(self.grid, step := step_of(len(self.grid.x)))
+        if step == 1 or not len(part):
+            return None
+        model = replace(
+            self,
+            axes=(self.axes[0][::step], self.axes[1][::step]),
+            grid=coarse,
+            present=self.present[:, part],
+            measured=self.measured[:, part],
+            time=self.time[part] if len(self.time) else self.time,
+            step=step,
+        )
+        kept = np.isin(np.nonzero(self.present)[1], part)
+        return Thinned(model, np.flatnonzero(np.tile(kept, 2)), step)
+
+    @cached_property
     def layout(self) -> Layout:
         """The places around each one, harmonic by harmonic; lines run along the fast axis."""
         return around_places(self.grid, self.present, self._column_by_column)
