@@ -91,9 +91,11 @@ def test_a_triangle_has_the_square_and_the_gradient_of_all_residuals(
         assert here @ here == pytest.approx(chi2(part), rel=1e-12)
         steps = 1e-6 * np.eye(4)
         gradient = [(chi2(part + h) - chi2(part - h)) / 2e-6 for h in steps]
-        np.testing.assert_allclose(2 * jac(part).T @ here, gradient, rtol=0.01)  # from one side
+        slopes = jac(part)
+        np.testing.assert_allclose(2 * slopes.T @ here, gradient, rtol=0.01)  # from one side
         worse = residuals(np.array([0.9, 0.1, 0.9, 0.5]))
         assert worse @ worse > here @ here
+        np.testing.assert_array_equal(jac(part), slopes)  # those of the place that is gone on from
         np.testing.assert_array_equal(residuals(part), here)
         assert jac(part).shape == (5, 4)
         seen.append(part)
