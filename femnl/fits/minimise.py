@@ -1,5 +1,6 @@
 """The minimum of χ² within bounds, from one start."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from femnl.core.readout import Array
 from femnl.fits.tangents import jacobian_at, steps_for, tangents
+from femnl.fits.triangle import Triangle
 from femnl.observe.extended import ExtendedModel
 
 INSIDE = 1e-9
@@ -26,8 +28,6 @@ NEAR_BOUND = 1e-3
 """Distances from its bound, in parts of the range, from which on a parameter is put there: in any
 case, and where that lowers χ².
 """
-ROUNDING = 1e-14
-"""Relative excess by which a place where χ² did not fall is shown as no better."""
 FTOL = 1e-7
 XTOL = 1e-9
 """Relative changes of χ² and of the parameters at which a fit ends."""
@@ -52,11 +52,11 @@ def minimise(
     data.know(vector, at, slopes)
 
     def solve(part: Array, **options: Any) -> OptimizeResult:
-        shown = _Triangles(data, steps)
+        triangle = Triangle(data.residuals, partial(data.slopes, steps=steps))
         return least_squares(
-            shown.residuals,
+            triangle.residuals,
             part,
-            jac=shown.jacobian,
+            jac=triangle.slopes,
             bounds=(0, 1),
             x_scale="jac",
             xtol=XTOL,
@@ -87,20 +87,18 @@ class _Data:
     def __init__(self, model: ExtendedModel, chosen: slice | NDArray[np.bool_]) -> None:
         self.chosen = chosen
         self._model = model
-        self._low, high = model.bounds
-        self._width = high - self._low
-        # Fits often begin where the one before has ended
+        self._low, self._high = model.bounds
+        self._width = self._high - self._low
+        # Of the latest place: slopes are asked for where residuals have just been
         self._residuals: dict[bytes, Array] = {}
         self._slopes: dict[bytes, Array] = {}
 
     def place(self, part: Array) -> Array:
         """Return the parameters (p,) at parts of their ranges."""
-        return np.asarray(
-            np.clip(self._low + self._width * part, self._low, self._low + self._width)
-        )
+        return np.asarray(np.clip(self._low + self._width * part, self._low, self._high))
 
     def know(self, vector: Array, residuals: Array, slopes: Array) -> None:
-        """Keep the residuals and their derivatives, all of them, where they are asked for next."""
+        """Keep all residuals of the latest place, and their derivatives by the parameters."""
         self._residuals = {vector.tobytes(): residuals}
         self._slopes = {vector.tobytes(): slopes}
 
@@ -122,44 +120,6 @@ class _Data:
         if key not in self._residuals:
             self._residuals = {key: self._model.residuals(vector)}
         return self._residuals[key]
-
-
-class _Triangles:
-    """A least-squares problem of as many rows as parameters, which an optimiser cannot tell apart.
-
-    With QR = [J r] of slopes and residuals, R has the squares, the gradient and the curvature of
-    [J r], and none of its hundred thousand rows, with which optimisers would spend most of the
-    time. R is that of the place at hand: where χ² falls below all before, an optimiser goes on from
-    there and asks for the slopes, too. Elsewhere only χ² counts.
-    """
-
-    def __init__(self, data: _Data, steps: Array) -> None:
-        self._data = data
-        self._steps = steps
-        self._place = b""
-        self._least = np.inf
-        self._triangle = np.empty((0, 1))
-
-    def residuals(self, part: Array) -> Array:
-        """Return the last column of R, or another one whose squares add up to χ²."""
-        if part.tobytes() == self._place:
-            return self._triangle[:, -1]
-        whole = self._data.residuals(part)
-        chi2 = float(whole @ whole)
-        if chi2 < self._least:
-            both = np.column_stack([self._data.slopes(part, self._steps), whole])
-            self._triangle = np.asarray(np.linalg.qr(both, mode="r"))
-            self._place = part.tobytes()
-            self._least = chi2
-            return self._triangle[:, -1]
-        shown = np.zeros(min(len(whole), part.size + 1))
-        least = float(np.linalg.norm(self._triangle[:, -1])) * (1 + ROUNDING)
-        shown[0] = max(np.sqrt(chi2), least)
-        return shown
-
-    def jacobian(self, part: Array) -> Array:
-        """Return the other columns of R, of the place of least χ², from which one goes on."""
-        return self._triangle[:, :-1]
 
 
 class _Creeping:

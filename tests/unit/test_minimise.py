@@ -1,17 +1,14 @@
-"""The optimiser sees triangles in the place of all residuals, and ends where they would lead it."""
-
-from collections.abc import Callable
-from typing import Any
+"""Fits see triangles in the place of all residuals, and end where these would lead them."""
 
 import numpy as np
 import pytest
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import least_squares
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.fits import minimise as module
 from femnl.fits.minimise import minimise
 from femnl.fits.tangents import steps_for
+from femnl.fits.triangle import Triangle
 from femnl.observe.extended import ExtendedModel
 from tests.unit.level import Level
 
@@ -69,38 +66,38 @@ def test_a_fit_ends_where_one_that_sees_all_residuals_does(left_out: int) -> Non
     np.testing.assert_allclose(end, direct.x, atol=1e-3)
 
 
-def test_a_triangle_has_the_square_and_the_gradient_of_all_residuals(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """And no place where χ² did not fall looks better than the one before."""
-    low, high = MODEL.bounds
+def test_a_triangle_has_the_square_and_the_gradient_of_all_residuals() -> None:
+    """Of r = (x² − 4, xy, y − 3, 1), whose slopes are known in closed form."""
+    triangle = Triangle(
+        lambda v: np.array([v[0] ** 2 - 4, v[0] * v[1], v[1] - 3, 1.0]),
+        lambda v: np.array([[2 * v[0], 0.0], [v[1], v[0]], [0.0, 1.0], [0.0, 0.0]]),
+    )
+    here = np.array([1.5, 0.5])
+    shown = triangle.residuals(here)
+    slopes = triangle.slopes(here)
+    assert shown.shape == (3,)
+    assert slopes.shape == (3, 2)
+    x, y = here
+    chi2 = (x**2 - 4) ** 2 + (x * y) ** 2 + (y - 3) ** 2 + 1
+    assert shown @ shown == pytest.approx(chi2, rel=1e-14)
+    gradient = [2 * x * (x**2 - 4) + x * y**2, x**2 * y + y - 3]
+    np.testing.assert_allclose(slopes.T @ shown, gradient, rtol=1e-13)
+    curvature = [[4 * x**2 + y**2, x * y], [x * y, x**2 + 1]]
+    np.testing.assert_allclose(slopes.T @ slopes, curvature, rtol=1e-13)
 
-    def chi2(part: Array) -> float:
-        return float(np.sum(MODEL.residuals(low + (high - low) * part) ** 2))
 
-    seen = []
-
-    def solve(
-        residuals: Callable[[Array], Array],
-        part: Array,
-        jac: Callable[[Array], Array],
-        **options: Any,
-    ) -> OptimizeResult:
-        here = residuals(part)
-        assert here.shape == (5,)
-        assert here @ here == pytest.approx(chi2(part), rel=1e-12)
-        steps = 1e-6 * np.eye(4)
-        gradient = [(chi2(part + h) - chi2(part - h)) / 2e-6 for h in steps]
-        slopes = jac(part)
-        np.testing.assert_allclose(2 * slopes.T @ here, gradient, rtol=0.01)  # from one side
-        worse = residuals(np.array([0.9, 0.1, 0.9, 0.5]))
-        assert worse @ worse > here @ here
-        np.testing.assert_array_equal(jac(part), slopes)  # those of the place that is gone on from
-        np.testing.assert_array_equal(residuals(part), here)
-        assert jac(part).shape == (5, 4)
-        seen.append(part)
-        return least_squares(residuals, part, jac=jac, **options)
-
-    monkeypatch.setattr(module, "least_squares", solve)
-    minimise(MODEL, START, None, 100, steps_for(MODEL, np.zeros(4)))
-    assert seen
+def test_where_chi2_did_not_fall_a_triangle_stays_and_nothing_looks_better() -> None:
+    triangle = Triangle(
+        lambda v: np.array([v[0] ** 2, 1.0, 1.0]), lambda v: np.array([[2 * v[0]], [0.0], [0.0]])
+    )
+    best = triangle.residuals(np.array([0.5]))
+    slopes = triangle.slopes(np.array([0.5]))
+    for other in (0.7, -0.5, 1e8):
+        seen = triangle.residuals(np.array([other]))
+        assert seen @ seen >= best @ best
+        assert seen @ seen == pytest.approx(other**4 + 2)
+        np.testing.assert_array_equal(triangle.slopes(np.array([0.5])), slopes)
+        np.testing.assert_array_equal(triangle.residuals(np.array([0.5])), best)
+    lower = triangle.residuals(np.array([0.1]))
+    assert lower @ lower == pytest.approx(2.0001)
+    assert abs(triangle.slopes(np.array([0.1]))[0, 0]) == pytest.approx(0.2)
