@@ -8,7 +8,8 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.diagnosis import Excluded, NoiseTold
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import Candidate, criticise, is_adequate, scaled
+from femnl.diagnose.candidate import Candidate, scaled
+from femnl.diagnose.criticism import criticise, is_adequate
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.noise import found_noise, standing_out
 from femnl.diagnose.thresholds import THRESHOLDS

@@ -13,15 +13,9 @@ from scipy.stats import chi2
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import Effect
 from femnl.diagnose.afar import PAIR, from_afar
-from femnl.diagnose.candidate import (
-    Candidate,
-    Names,
-    criticise,
-    glance,
-    job,
-    looked_at,
-    names_of,
-)
+from femnl.diagnose.candidate import Candidate, Names, job, names_of
+from femnl.diagnose.criticism import criticise, glance
+from femnl.diagnose.extending import partners, to_extend
 from femnl.diagnose.multistart import (
     extended,
     replaced,
@@ -34,13 +28,8 @@ from femnl.diagnose.search_rules import (
     may_be_noisier,
     needs_global_search,
     outweighed,
-    points_farther,
     settled,
-    spoils,
-    takes_nothing,
     takes_up_nearly_all,
-    tangents_tell,
-    worth_extending,
 )
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run, in_turn
@@ -96,12 +85,7 @@ def search(
             break
         if settled(grown) or (size >= PAIR and takes_up_nearly_all(grown, base)):
             break
-        told = tangents_tell(base, found)
-        parents = worth_extending(grown, size)
-        if told:
-            library = _without_spoilers(library, found)
-            parents = _without_idle(parents, base, library, run)
-        parents = _looked_at(parents, library, run, told)
+        parents, library = to_extend(grown, size, found, library, run)
     return _simpler(found, library, run)
 
 
@@ -167,7 +151,7 @@ def _grown(
         done += parents
         parents = []
         if size == PAIR and (needs_global_search(found) or settled(grown)):
-            parents = _partners(grown, found, done, library, run)
+            parents = partners(grown, found, done, library, run)
     return grown
 
 
@@ -214,76 +198,6 @@ def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Ca
             if kept[names] is not before and kept[names].viable and len(names) > 1:
                 todo.append(kept[names])
     return list(kept.values())
-
-
-def _partners(
-    grown: dict[Names, Candidate],
-    found: list[Candidate],
-    parents: list[Candidate],
-    library: list[Effect],
-    run: Run,
-) -> list[Candidate]:
-    """Return the causes of the best pair, alone, that have not been extended.
-
-    Another partner may do as well, or better.
-    """
-    best = max(grown, key=lambda names: grown[names].weight, default=())
-    done = {parent.names for parent in parents}
-    alone = [c for c in found if len(c.names) == 1 and c.names[0] in best and c.names not in done]
-    return _looked_at(alone, library, run)
-
-
-def _looked_at(
-    candidates: list[Candidate], library: list[Effect], run: Run, told: bool = False
-) -> list[Candidate]:
-    """Seek where residuals point, where that was not sought yet.
-
-    Args: told: whether tangents tell what causes take up; then all data are asked, and nothing is
-        pointed to that would take hardly anything.
-    """
-    todo = [c for c in candidates if c.pointers is None]
-    look = partial(looked_at, library=library, whole=told)
-    fresh = iter(run([job("looking at", c.names, c.result, partial(look, c)) for c in todo]))
-    seen = [next(fresh) if c.pointers is None else c for c in candidates]
-    return [_with_telling(c) for c in seen] if told else seen
-
-
-def _without_spoilers(library: list[Effect], found: list[Candidate]) -> list[Effect]:
-    """Leave out effects without strength that alone leave more than the base model.
-
-    Where causes add up, they do so beside others, too.
-    """
-    base, *tried = found
-    better = {c.names for c in tried if not spoils(c, base)}
-    return [effect for effect in library if effect.has_strength or (effect.name,) in better]
-
-
-def _without_idle(
-    parents: list[Candidate], base: Candidate, library: list[Effect], run: Run
-) -> list[Candidate]:
-    """Leave out single causes beside which nothing promises more than beside the base model.
-
-    They take nothing themselves, and where causes add up, pairs with them are tried in vain. The
-    likeliest sets stay.
-    """
-    idle = [
-        c
-        for c in parents[THRESHOLDS.beam :]
-        if len(c.names) == 1 and c.pointers is None and takes_nothing(c, base)
-    ]
-    if not idle:
-        return parents
-    alone = looked_at(base, library, whole=False)
-    seen = _looked_at(idle, library, run)
-    vain = {c.names for c in seen if not points_farther(c, alone)}
-    return [c for c in parents if c.names not in vain]
-
-
-def _with_telling(candidate: Candidate) -> Candidate:
-    """Leave out pointers to what would take hardly anything, however its shape is chosen."""
-    least = THRESHOLDS.least_taken / 2
-    pointers = tuple(pointer for pointer in candidate.pointers or () if pointer.gain >= least)
-    return replace(candidate, pointers=pointers)
 
 
 def _kept(

@@ -4,7 +4,7 @@ import numpy as np
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import criticise, glance
+from femnl.diagnose.criticism import criticise, glance
 from femnl.diagnose.search_rules import outweighed
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult, fit

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Curves
 from femnl.device.geometry import load
-from femnl.diagnose.candidate import criticise
+from femnl.diagnose.criticism import criticise
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.effects import library
 from femnl.fits.least_squares import fit

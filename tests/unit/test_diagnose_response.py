@@ -11,7 +11,7 @@ from femnl.core.compiled import compiled
 from femnl.core.diagnosis import Diagnosis
 from femnl.core.errors import MeasurementError
 from femnl.diagnose import diagnose
-from femnl.diagnose.candidate import criticise
+from femnl.diagnose.criticism import criticise
 from femnl.diagnose.search import search
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.effects import library

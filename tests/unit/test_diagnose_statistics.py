@@ -15,7 +15,8 @@ from femnl import load
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Placement
-from femnl.diagnose.candidate import Candidate, criticise
+from femnl.diagnose.candidate import Candidate
+from femnl.diagnose.criticism import criticise
 from femnl.diagnose.score_tests import score_tests
 from femnl.diagnose.search import refitted, search
 from femnl.diagnose.thresholds import THRESHOLDS

@@ -16,7 +16,7 @@ from femnl.core.diagnosis import Diagnosis
 from femnl.core.errors import MeasurementError
 from femnl.device.geometry import load
 from femnl.diagnose import diagnose
-from femnl.diagnose.candidate import criticise
+from femnl.diagnose.criticism import criticise
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import fit
 from femnl.fits.trace.pose import pose as pose_trace

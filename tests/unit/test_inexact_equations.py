@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import Candidate, criticise
+from femnl.diagnose.candidate import Candidate
+from femnl.diagnose.criticism import criticise
 from femnl.diagnose.discrepancy import done_by
 from femnl.diagnose.distortions import distortions
 from femnl.diagnose.search import refitted

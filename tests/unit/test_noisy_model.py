@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from femnl.core.checkpoint import open_checkpoint
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import Candidate, criticise
+from femnl.diagnose.candidate import Candidate
+from femnl.diagnose.criticism import criticise
 from femnl.diagnose.noise_of_file import last_noise
 from femnl.fits.least_squares import fit
 from femnl.observe.extended import ExtendedModel

@@ -14,7 +14,7 @@ from femnl.core.checkpoint import remembered
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import criticise
+from femnl.diagnose.criticism import criticise
 from femnl.diagnose.global_starts import scan
 from femnl.diagnose.search import search
 from femnl.diagnose.verdict import judge

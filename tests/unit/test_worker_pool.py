@@ -24,7 +24,7 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose import diagnose, record
-from femnl.diagnose.candidate import criticise
+from femnl.diagnose.criticism import criticise
 from femnl.diagnose.search import refitted
 from femnl.diagnose.worker_pool import Job, _Names, worker_pool
 from femnl.effects import library
