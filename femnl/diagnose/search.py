@@ -67,8 +67,11 @@ def search(
     found = [base]
     if base.p_value >= THRESHOLDS.base_inadequate:
         return found
+    grown: dict[Names, Candidate] = {}
     parents = [base]
     for size in range(len(SIZES)):
+        if size:
+            parents, library = to_extend(grown, size - 1, found, library, run)
         grown = _grown(parents, found, size, library, run)
         if settled(grown):
             short = [c for c in grown.values() if falls_short(c, base)]
@@ -85,7 +88,6 @@ def search(
             break
         if settled(grown) or (size >= PAIR and takes_up_nearly_all(grown, base)):
             break
-        parents, library = to_extend(grown, size, found, library, run)
     return _simpler(found, library, run)
 
 
