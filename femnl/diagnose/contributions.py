@@ -26,8 +26,9 @@ from femnl.diagnose.discrepancy import idle
 from femnl.diagnose.joint import JointModel, Own
 from femnl.diagnose.shares import without
 from femnl.fits.least_squares import FitResult
-from femnl.observe.model import MeasurementModel, Named, Quantity
+from femnl.observe.model import MeasurementModel, Named
 from femnl.observe.noisy import FoundNoise, NoisyModel, without_noise
+from femnl.observe.residuals import Quantity
 
 
 def contributions(best: Candidate, found: Sequence[Candidate]) -> Contributions:

@@ -17,7 +17,8 @@ from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.distortions import distortions
 from femnl.fits.least_squares import FitResult, log_prior
-from femnl.observe.model import Layout, MeasurementModel
+from femnl.observe.model import MeasurementModel
+from femnl.observe.residuals import Layout
 
 MOST_DIRECTIONS = 40
 """Directions of smooth deviations, those that most of the named ones share."""

@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.readout import Array
-from femnl.observe.model import Layout, MeasurementModel
+from femnl.observe.model import MeasurementModel
 from femnl.observe.noisy import NoisyModel, without_noise
+from femnl.observe.residuals import Layout
 
 GROWING = (1, 2)
 """Powers of what a cause does to a datum with which its equation may be wrong."""

@@ -21,8 +21,9 @@ from femnl.core.readout import Array
 from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.map.model import MapModel
-from femnl.observe.model import MeasurementModel, Named, Ranked
+from femnl.observe.model import MeasurementModel, Named
 from femnl.observe.noisy import without_noise
+from femnl.observe.residuals import Ranked
 
 Own = tuple[Sequence[Effect], Values, Sequence[Values]]
 """Effects, base parameters and those of each effect, as one measurement knows them."""

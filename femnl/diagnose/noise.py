@@ -11,8 +11,8 @@ from scipy.stats import poisson
 from femnl.core.readout import Array
 from femnl.diagnose.noise_level import MEDIAN_VARIANCE, noise_level
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
-from femnl.observe.model import Layout
 from femnl.observe.noisy import FoundNoise
+from femnl.observe.residuals import Layout
 
 COINCIDENCE = 0.01
 """Probability of as many pairs of glitches at one condition, below which they are no glitches."""

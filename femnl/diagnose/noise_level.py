@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from femnl.core.readout import Array
-from femnl.observe.model import Layout
+from femnl.observe.residuals import Layout
 
 STRETCH = 24
 """Residuals in a row that are looked at together."""

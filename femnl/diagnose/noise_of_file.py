@@ -15,8 +15,9 @@ from femnl.diagnose.noise import found_noise, standing_out
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.extended import ExtendedModel
-from femnl.observe.model import Layout, MeasurementModel
+from femnl.observe.model import MeasurementModel
 from femnl.observe.noisy import FoundNoise, with_noise, without_noise
+from femnl.observe.residuals import Layout
 
 Noise = Mapping[str, FoundNoise]
 """What was found of each measurement, by its name."""

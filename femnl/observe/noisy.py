@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from femnl.core.comparison import Comparison
 from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.observe.model import Layout, MeasurementModel, Named, Thinned, apart
+from femnl.observe.model import MeasurementModel, Named, Thinned
+from femnl.observe.residuals import Layout, apart
 
 
 @dataclass(frozen=True)

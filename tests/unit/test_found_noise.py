@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from femnl.core.readout import Array
 from femnl.diagnose.noise import found_noise
-from femnl.observe.model import Layout
 from femnl.observe.noisy import FoundNoise
+from femnl.observe.residuals import Layout
 
 SWEEPS = 16
 POINTS = 161

@@ -18,8 +18,8 @@ from femnl.diagnose.verdict import judge
 from femnl.diagnose.weighing import Weighed
 from femnl.fits.least_squares import fit
 from femnl.observe.extended import ExtendedModel
-from femnl.observe.model import Layout, Quantity, quadratures
 from femnl.observe.noisy import FoundNoise, with_noise
+from femnl.observe.residuals import Layout, Quantity, quadratures
 from tests.unit.level import Level
 
 N = 60

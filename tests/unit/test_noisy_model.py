@@ -14,8 +14,8 @@ from femnl.diagnose.criticism import criticise
 from femnl.diagnose.noise_of_file import last_noise
 from femnl.fits.least_squares import fit
 from femnl.observe.extended import ExtendedModel
-from femnl.observe.model import Layout
 from femnl.observe.noisy import FoundNoise, NoisyModel, with_noise
+from femnl.observe.residuals import Layout
 from tests.unit.level import Level
 
 N = 60

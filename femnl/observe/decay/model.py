@@ -12,7 +12,8 @@ from femnl.core.readout import Array
 from femnl.core.stages import Dissipation, Reading, Ringing
 from femnl.observe.decay.blocks import Blocks, Scale, Whitening
 from femnl.observe.decay.record import DB
-from femnl.observe.model import MeasurementModel, Named, Quantity, apply
+from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.residuals import Quantity
 
 STRETCHES = 18
 """Stretches of time that a record is cut into."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from femnl.core.comparison import Comparison, Images
 from femnl.core.readout import Array
 from femnl.observe.map.spots import Grid
-from femnl.observe.model import Layout
+from femnl.observe.residuals import Layout
 
 AROUND = 2
 """Steps along each axis to the places around one."""

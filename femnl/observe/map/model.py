@@ -19,15 +19,8 @@ from femnl.observe.map.directions import of_harmonics, of_places
 from femnl.observe.map.layout import around_places, follows, marked
 from femnl.observe.map.spots import Axis, Finer, Grid
 from femnl.observe.map.thinning import every, step_of
-from femnl.observe.model import (
-    Layout,
-    MeasurementModel,
-    Named,
-    Quantity,
-    Thinned,
-    apply,
-    quadratures,
-)
+from femnl.observe.model import MeasurementModel, Named, Thinned, apply
+from femnl.observe.residuals import Layout, Quantity, quadratures
 from femnl.observe.score_directions import LITTLE, fringe_terms, overtones, uneven
 from femnl.optics.harmonics import along_line
 from femnl.optics.sampled import harmonics

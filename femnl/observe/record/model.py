@@ -12,8 +12,9 @@ from femnl.core.errors import ParameterError
 from femnl.core.numbers import engineering
 from femnl.core.readout import Array
 from femnl.core.stages import Equation
-from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
+from femnl.observe.model import MeasurementModel, Named, apply
 from femnl.observe.record.free_run import Drive, Numbers, free_run
+from femnl.observe.residuals import Layout, Quantity
 from femnl.observe.score_directions import forces
 
 BLOCKS = 6

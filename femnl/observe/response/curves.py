@@ -4,7 +4,7 @@ import numpy as np
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.readout import ComplexArray
-from femnl.observe.model import Quantity, quadratures
+from femnl.observe.residuals import Quantity, quadratures
 from femnl.observe.response.sweeps import Sweeps
 
 

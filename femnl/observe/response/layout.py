@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curves
-from femnl.observe.model import Layout
+from femnl.observe.residuals import Layout
 from femnl.observe.response.sweeps import Sweeps
 
 NEAR = (-4, -3, -2, -1, 1, 2, 3, 4)

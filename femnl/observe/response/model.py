@@ -14,7 +14,8 @@ from femnl.core.memo import recent
 from femnl.core.numbers import engineering, signed
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
-from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
+from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.residuals import Layout, Quantity
 from femnl.observe.response.curves import curves, sweep_name, voltages
 from femnl.observe.response.extent import extent
 from femnl.observe.response.late import LateSweeps, States

@@ -12,7 +12,8 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.numbers import engineering, plain, signed
 from femnl.core.readout import Array
 from femnl.core.stages import Points
-from femnl.observe.model import MeasurementModel, Named, Quantity, apply
+from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.residuals import Quantity
 
 BLOCKS = 4
 """Stretches of neighbouring points that are held out one by one."""

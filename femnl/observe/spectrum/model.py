@@ -18,7 +18,8 @@ from femnl.core.numbers import plain, signed
 from femnl.core.readout import Array
 from femnl.core.stages import Lines, ModalSystem
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import MeasurementModel, Named, Quantity, Ranked, apply, remembering
+from femnl.observe.model import MeasurementModel, Named, apply, remembering
+from femnl.observe.residuals import Quantity, Ranked
 from femnl.observe.score_directions import smooth_film
 from femnl.observe.spectrum.by_label import ReadOff, by_label
 from femnl.observe.spectrum.eigen import eigen, squares

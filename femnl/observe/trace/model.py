@@ -13,7 +13,8 @@ from femnl.core.numbers import plain, scale_for
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import MeasurementModel, Named, Quantity, apply, quadratures
+from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.residuals import Quantity, quadratures
 from femnl.observe.score_directions import fringe_terms, overtones
 from femnl.optics.sampled import harmonics
 
