@@ -1,4 +1,4 @@
-"""Which places of a map lie beside each other, and which of them are drawn as left out."""
+"""The places of a map: which lie beside each other, when they were read, where data deviate."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Images
+from femnl.core.numbers import micrometres
 from femnl.core.readout import Array
 from femnl.observe.map.spots import Grid
 from femnl.observe.residuals import Layout
@@ -66,3 +67,30 @@ def follows(time: Array, steps: NDArray[np.int64]) -> float:
     """Return how far times [s] grow with the steps along an axis: the size of their covariance."""
     spread = float(np.std(steps)) or 1.0
     return float(np.abs(np.mean((time - time.mean()) * (steps - steps.mean()))) / spread)
+
+
+def time_across(grid: Grid, time: Array, column_by_column: bool) -> Array:
+    """Return times of the points (n_points,) [s] if the slow axis were the other one."""
+    slow, fast = (grid.row, grid.column) if column_by_column else (grid.column, grid.row)
+    order = np.argsort(np.lexsort((fast, slow)))
+    return np.asarray(time.min() + np.ptp(time) * order / max(len(order) - 1, 1))
+
+
+def where_most(
+    residuals: Array, harmonic: NDArray[np.int64], grid: Grid, present: NDArray[np.bool_]
+) -> str:
+    """Say which harmonic deviates most, and where on the map."""
+    half = len(residuals) // 2
+    power = np.zeros(present.shape)
+    power[present] = (residuals[:half] ** 2 + residuals[half:] ** 2) / 2
+    by_order = power.sum(axis=1) / np.maximum(present.sum(axis=1), 1)
+    k = int(np.argmax(by_order))
+    p = int(np.argmax(power.sum(axis=0)))
+    rms = ", ".join(
+        f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(harmonic, by_order, strict=True)
+    )
+    x, y = (micrometres(round(float(axis[p]), 6)) for axis in (grid.x, grid.y))
+    return (
+        f"harmonic {harmonic[k]} deviates most, and most strongly near x = {x} µm, y = {y} µm; rms "
+        f"by harmonic {rms}"
+    )

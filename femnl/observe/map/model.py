@@ -10,13 +10,13 @@ from scipy.spatial import cKDTree
 
 from femnl.core.comparison import Comparison, Images
 from femnl.core.effect import Effect, ParameterSpec, Values
-from femnl.core.numbers import micrometres, plain
+from femnl.core.numbers import plain
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion, Placement
 from femnl.mechanics.modes import ShapeValues
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.directions import of_harmonics, of_places
-from femnl.observe.map.layout import around_places, follows, marked
+from femnl.observe.map.layout import around_places, follows, marked, time_across, where_most
 from femnl.observe.map.spots import Axis, Finer, Grid
 from femnl.observe.map.thinning import every, step_of
 from femnl.observe.model import MeasurementModel, Named, Thinned, apply
@@ -297,19 +297,11 @@ class MapModel(MeasurementModel):
             for factor in (0.5, 2.0)
         }
         if len(self.time):
-            across = replace(self, time=self._time_across())
+            across = replace(self, time=time_across(self.grid, self.time, self._column_by_column))
             found["the same map line by line along its other axis"] = self._real(
                 across.predict(effects, base, values)
             )
         return found
-
-    def _time_across(self) -> Array:
-        """Return times of the points (n_points,) [s] if the slow axis were the other one."""
-        columns = not self._column_by_column
-        slow = self.grid.column if columns else self.grid.row
-        fast = self.grid.row if columns else self.grid.column
-        order = np.argsort(np.lexsort((fast, slow)))
-        return np.asarray(self.time.min() + np.ptp(self.time) * order / max(len(order) - 1, 1))
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Return larger motions under less contrast, where the motion is faint.
@@ -368,21 +360,7 @@ class MapModel(MeasurementModel):
 
     def describe(self, residuals: Array) -> str:
         """Say which harmonic deviates most, and where on the map."""
-        half = len(residuals) // 2
-        power = np.zeros(self.present.shape)
-        power[self.present] = (residuals[:half] ** 2 + residuals[half:] ** 2) / 2
-        by_order = power.sum(axis=1) / np.maximum(self.present.sum(axis=1), 1)
-        k = int(np.argmax(by_order))
-        p = int(np.argmax(power.sum(axis=0)))
-        rms = ", ".join(
-            f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True)
-        )
-        x, y = (micrometres(round(float(axis[p]), 6)) for axis in (self.grid.x, self.grid.y))
-        place = f"x = {x} µm, y = {y} µm"
-        return (
-            f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms "
-            f"by harmonic {rms}"
-        )
+        return where_most(residuals, self.harmonic, self.grid, self.present)
 
 
 def exact_shapes(film: SimulatedFilm) -> ShapeValues | None:
