@@ -75,25 +75,37 @@ def causes_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | None:
     Whatever the rest is: with a discrepancy of unknown size in every set they are in every likely
     one, and they improve the prediction of most blocks that were held out.
     """
-    best = weighed.beyond_doubt
-    if weighed.viable or best is None or not _takes_up_most(best, weighed):
+    if weighed.viable:
+        return None
+    graded = weighed.graded
+    best = graded.beyond_doubt
+    if best is None or not _takes_up_most(best, weighed):
         return None
     return Judgement(
-        "explained in part", best, (), weighed.graded, inflation=weighed.inflation(best)
+        "explained in part",
+        best,
+        (),
+        graded.share,
+        inflation=graded.inflation(best),
     )
 
 
 def several_sets_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | None:
     """No set is exact, and one of several takes up most of what is wrong beyond doubt."""
-    sets = weighed.left_in_part
-    if weighed.viable or not sets:
+    if weighed.viable:
         return None
-    if not all(_takes_up_most(candidate, weighed) for candidate in sets):
+    graded = weighed.graded
+    sets = graded.left_in_part
+    if not sets or not all(_takes_up_most(candidate, weighed) for candidate in sets):
         return None
     simplest = min(sets, key=lambda c: (len(c.names), c.result.vector.size))
     others = tuple(c for c in sets if c is not simplest)
     return Judgement(
-        "ambiguous", simplest, others, weighed.graded, inflation=weighed.inflation(simplest)
+        "ambiguous",
+        simplest,
+        others,
+        graded.share,
+        inflation=graded.inflation(simplest),
     )
 
 
@@ -132,7 +144,8 @@ def fewer_causes_may_suffice(weighed: Weighed) -> Judgement | None:
 
     The rule holds only where every rival has all causes of the smaller set that may suffice.
     """
-    sets = weighed.may_suffice
+    graded = weighed.graded
+    sets = graded.may_suffice(weighed.best)
     if not sets:
         return None
     first, *more = sets
@@ -140,7 +153,7 @@ def fewer_causes_may_suffice(weighed: Weighed) -> Judgement | None:
         return None
     beside = (rival for rival in weighed.rivals if rival not in sets)
     others = (*more, weighed.best, *beside)
-    return Judgement("ambiguous", first, others, weighed.graded, inflation=weighed.inflation(first))
+    return Judgement("ambiguous", first, others, graded.share, inflation=graded.inflation(first))
 
 
 def one_set_stands_alone(weighed: Weighed) -> Judgement | None:
@@ -203,7 +216,7 @@ def _takes_up_most(candidate: Candidate, weighed: Weighed) -> bool:
     after = candidate.result.cross_validation
     excess = np.array(before.squares) - np.array(before.sizes)
     taken = np.array(before.squares) - np.array(after.squares)
-    if taken.sum() < weighed.least_share * excess.sum():
+    if taken.sum() < weighed.graded.least_share * excess.sum():
         return False
     telling = excess > 0
     return bool(np.mean(taken[telling] > 0) >= THRESHOLDS.most_blocks)

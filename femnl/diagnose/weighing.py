@@ -1,33 +1,25 @@
 """What fitted candidates are worth: evidence, prediction of held-out data, and their rivals."""
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from femnl.diagnose.candidate import Candidate, Names, weight_if_noisier
-from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
 from femnl.diagnose.freeform import fitted_forms
+from femnl.diagnose.graded import Graded
 from femnl.diagnose.rivals import (
     EVEN,
     contradicted,
     equals,
     free_form_evidence,
     may_be_right,
-    may_imitate,
     predicts_better,
     scatter_evidence,
 )
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.diagnose.worker_pool import Job, Run, in_turn
+from femnl.diagnose.worker_pool import Run, in_turn
 from femnl.observe.noisy import without_noise
-
-NEEDLESS = float(np.log(THRESHOLDS.needless_odds))
-"""Logarithm of the odds that decide whether further causes are needless, either way."""
-TOGETHER = 4
-"""Sets of causes that are weighed by one process at a time, as each is sent the discrepancy."""
-OF_FEW_SHAPES = frozenset({"decay", "trace"})
-"""Kinds whose causes are smooth functions of one variable: time, or the number of a harmonic."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +36,11 @@ class Weighed:
     def base(self) -> Candidate:
         """The base model."""
         return self.found[0]
+
+    @cached_property
+    def graded(self) -> Graded:
+        """The same candidates where any equation may be inexact."""
+        return Graded(self.found, self.run)
 
     @cached_property
     def prior_share(self) -> dict[Names, float]:
@@ -72,7 +69,7 @@ class Weighed:
         ]
         likely = [c for c in worth if c.viable]
         if any(len(c.names) > 1 for c in likely):
-            likely = [c for c in likely if len(c.names) == 1 or c in self.needed]
+            likely = [c for c in likely if len(c.names) == 1 or c in self.graded.needed]
         if any(len(c.names) > 1 or c.p_value < THRESHOLDS.set_doubtful for c in likely):
             smooth = free_form_evidence(self.base) - EVEN
             likely = [
@@ -127,35 +124,6 @@ class Weighed:
         return []
 
     @cached_property
-    def allowed(self) -> Discrepancy:
-        """What every candidate may miss the data by."""
-        possible = [c for c in self.found if c is self.base or not c.stuck]
-        best = min(possible, key=lambda c: c.result.chi2)
-        return discrepancy(self.base.result, best.result)
-
-    @property
-    def alike(self) -> bool:
-        """Whether one smooth cause resembles another.
-
-        It does where smooth directions span much of the data, over a plane, where causes are smooth
-        fields, and in kinds of few shapes.
-        """
-        spanned = len(self.allowed.directions) / len(self.base.result.residuals)
-        model = self.base.result.model.base_model
-        planar = model.layout is not None and model.layout.planar
-        return planar or model.kind in OF_FEW_SHAPES or spanned >= THRESHOLDS.few_data
-
-    @property
-    def least_share(self) -> float:
-        """Return the part of the held-out excess χ² that causes named in part must take up."""
-        return THRESHOLDS.least_share_of_alike if self.alike else THRESHOLDS.least_share
-
-    @property
-    def least_inclusion(self) -> float:
-        """Return the probability from which on a cause is in the right set beyond doubt."""
-        return THRESHOLDS.least_inclusion_of_alike if self.alike else THRESHOLDS.least_inclusion
-
-    @cached_property
     def share_if_noisier(self) -> dict[Names, float]:
         """Return the probability of every candidate where the noise is not the stated one."""
         weights = np.array([c.weight_if_noisier for c in self.found])
@@ -191,134 +159,7 @@ class Weighed:
             key=lambda c: (c.result.vector.size, -weights[c.names]),
         )
 
-    def inflation(self, candidate: Candidate) -> float:
-        """Return by how much standard deviations grow with what a set leaves.
-
-        The root of its χ² per degree of freedom, and of the residuals that count as one.
-        """
-        result = candidate.result
-        scatter = result.chi2 / result.degrees * len(result.residuals) / self.allowed.pieces
-        return float(np.sqrt(max(scatter, 1.0)))
-
-    @cached_property
-    def graded(self) -> dict[Names, float]:
-        """Return the probability of every candidate, with a discrepancy in each of its causes.
-
-        The size of a discrepancy is not known. Candidates that end at a bound are left out.
-        """
-        possible = [c for c in self.found if c is self.base or not c.stuck]
-        allowed = self.allowed
-        odds = float(np.log(THRESHOLDS.odds_per_cause))
-        together = [possible[i : i + TOGETHER] for i in range(0, len(possible), TOGETHER)]
-        jobs = [
-            Job("weighing sets of causes", partial(_log_evidences, some, self.base, allowed))
-            for some in together
-        ]
-        evidence = np.concatenate(self.run(jobs))
-        weights = evidence + odds * np.array([len(c.names) for c in possible])
-        shares = np.exp(weights - weights.max())
-        return {c.names: float(s) for c, s in zip(possible, shares / shares.sum(), strict=True)}
-
-    @cached_property
-    def needed(self) -> list[Candidate]:
-        """Return the sets whose causes each take up what no inexactness of the others could.
-
-        With a discrepancy in each of its causes, such a set is not far less likely than what is
-        left without one of them. Else a strong cause whose equation is not exact would be named
-        with a second one that describes its error.
-        """
-        kept = []
-        for candidate in self.found[1:]:
-            own = self.graded.get(candidate.names, 0.0)
-            fewer = [
-                share
-                for names, share in self.graded.items()
-                if names and set(names) < set(candidate.names)
-            ]
-            if own * THRESHOLDS.needless_odds >= max(fewer, default=0.0):
-                kept.append(candidate)
-        return kept
-
-    @cached_property
-    def may_suffice(self) -> list[Candidate]:
-        """Fewer causes of the best set, whose inexact equations may do what the others take up.
-
-        The likeliest first, where nothing but equations may be inexact: what they leave is then a
-        part of what they do, and a further cause must be likelier than that beyond doubt.
-        """
-        best = self.best
-        fewer = [c for c in self.found if c.names and set(c.names) < set(best.names)]
-        if not fewer:
-            return []
-        exact = self.allowed.none
-        odds = float(np.log(THRESHOLDS.odds_per_cause))
-
-        def weight(one: Candidate) -> float:
-            return log_evidence(one, self.base, exact) + len(one.names) * odds
-
-        least = weight(best) - NEEDLESS
-        ranked = sorted(((weight(c), i) for i, c in enumerate(fewer)), reverse=True)
-        return [fewer[i] for one, i in ranked if one > least]
-
-    @cached_property
-    def left_in_part(self) -> list[Candidate]:
-        """Return sets of which one is right beyond doubt, though none is alone, likeliest first.
-
-        What a further cause adds to one of them that does not count speaks for that set as well.
-        There are none where one of them seems to imitate what the library lacks, and where there
-        would be more than a reader is told.
-        """
-        ranked = sorted(self.found, key=lambda c: -self.graded.get(c.names, 0.0))
-        total = 0.0
-        sets: list[Candidate] = []
-        for candidate in ranked:
-            if not candidate.names or may_imitate(candidate):
-                return []
-            if self.each_counts(candidate) and len(sets) <= THRESHOLDS.most_rivals:
-                sets.append(candidate)
-            elif not any(set(known.names) < set(candidate.names) for known in sets):
-                return []
-            total += self.graded.get(candidate.names, 0.0)
-            if total >= self.least_inclusion:
-                return sets
-        return []
-
-    @cached_property
-    def beyond_doubt(self) -> Candidate | None:
-        """The causes that every likely set has in common, None where there are none.
-
-        The largest fitted set of them. None where that seems to imitate what the library lacks.
-        """
-        inclusion: dict[str, float] = {}
-        for names, share in self.graded.items():
-            for name in names:
-                inclusion[name] = inclusion.get(name, 0.0) + share
-        sure = {name for name, share in inclusion.items() if share >= self.least_inclusion}
-        sets = [
-            c
-            for c in self.found[1:]
-            if set(c.names) <= sure and not c.stuck and self.each_counts(c)
-        ]
-        best = max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
-        return None if best is None or may_imitate(best) else best
-
-    def each_counts(self, candidate: Candidate) -> bool:
-        """Whether every one of several causes takes up more than what inexact equations miss."""
-        least = THRESHOLDS.least_share_each * (self.base.result.chi2 - self.base.result.degrees)
-        fewer = [
-            c
-            for c in self.found
-            if set(c.names) < set(candidate.names) and len(c.names) == len(candidate.names) - 1
-        ]
-        return len(candidate.names) == 1 or all(
-            c.result.chi2 - candidate.result.chi2 >= least for c in fewer
-        )
-
     @cached_property
     def predicts_better_than_base(self) -> bool:
         """Whether the best set predicts held-out data better than the base model."""
         return predicts_better(self.best.result.cross_validation, self.base.result.cross_validation)
-
-
-def _log_evidences(some: list[Candidate], base: Candidate, allowed: Discrepancy) -> list[float]:
-    return [log_evidence(candidate, base, allowed) for candidate in some]

@@ -186,8 +186,8 @@ def test_causes_must_be_surer_where_smooth_directions_span_much_of_the_data(
     model = Level(STRONG * PLACE + noise, BLOCKS, 1e4, waves)
     line = cause("line", 1, 0.05)
     found = Weighed([candidate(model, *effects) for effects in ((), (line,))])
-    assert found.least_inclusion == (0.999 if surer else 0.99)
-    assert found.least_share == (0.99 if surer else 0.9)
+    assert found.graded.least_inclusion == (0.999 if surer else 0.99)
+    assert found.graded.least_share == (0.99 if surer else 0.9)
 
 
 @pytest.mark.parametrize(
