@@ -5,6 +5,7 @@ Done to it for real, not imagined.
 
 import os
 import random
+import re
 import resource
 import signal
 import subprocess
@@ -24,6 +25,9 @@ from femnl.io.results.atomic import write_whole
 from femnl.io.results.cache import kept
 
 DRUM = ["modes", "circle", "--count", "1", "--resolution", "0.5"]
+
+STEP = re.compile(r"solving for [\d,]+ unknowns … \d+ s")
+"""What a busy machine has time to tell of the solution."""
 
 
 def femnl(
@@ -117,8 +121,8 @@ def test_a_full_disk_leaves_the_old_file_and_says_so(tmp_path: Path) -> None:
 
     done = femnl(*DRUM, "--no-cache", "--out", "modes.nc", folder=tmp_path, before=small_files_only)
     assert done.returncode == 2, done.stderr
-    assert done.stderr.count("\n") == 1
-    assert done.stderr.startswith("femnl: modes.nc: writing failed")
+    (line,) = [line for line in done.stderr.splitlines() if not STEP.match(line)]
+    assert line.startswith("femnl: modes.nc: writing failed")
     assert (tmp_path / "modes.nc").read_text() == "of yesterday"
     assert [path.name for path in tmp_path.iterdir()] == ["modes.nc"]
 
