@@ -26,7 +26,9 @@ HIDDEN = [
         Case("holes", ("shear_stress",), 2, PERFORATED, (20.0, 60.0)), marks=pytest.mark.slow
     ),
     # two modes without names are measured in the wrong order
-    Case("holes", ("frequency_drift",), 525420673, PERFORATED),
+    pytest.param(
+        Case("holes", ("frequency_drift",), 525420673, PERFORATED), marks=pytest.mark.slow
+    ),
     Case("response", ("nonlinear_damping",), 381253685),  # a sweep jumps just behind a point
     pytest.param(Case("response", ("crosstalk",), 2, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow),
     Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)),
@@ -92,7 +94,7 @@ LACKING = [
     ("kind", "geometry"),
     [
         *((k, SQUARE) for k in ("spectrum", "response", "map", "series", "decay")),
-        ("map", PERFORATED),
+        pytest.param("map", PERFORATED, marks=pytest.mark.slow),
     ],
 )
 def test_nothing_is_found_where_nothing_is_hidden(kind: str, geometry: str, tmp_path: Path) -> None:
