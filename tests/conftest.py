@@ -3,8 +3,10 @@
 import resource
 import signal
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
+from platformdirs import user_cache_path
 
 from femnl.core.device import Model
 from femnl.device import geometry
@@ -39,6 +41,16 @@ def device() -> Callable[..., Model]:
         return geometry.parse('name = "device"\nsource = "a test"\n' + "\n".join(tables))
 
     return build
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path) -> Path:
+    """A folder for XDG_CACHE_HOME that holds the films solved so far, and no fits."""
+    folder = tmp_path / "cache" / "femnl"
+    folder.mkdir(parents=True)
+    for solved in user_cache_path("femnl").glob("*.n[cp]*"):
+        (folder / solved.name).symlink_to(solved)
+    return folder.parent
 
 
 @pytest.fixture

@@ -8,18 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from platformdirs import user_cache_path
 
 from femnl.diagnose import diagnose, record
+from femnl.effects import library
 from femnl.io import measurement
 
 ORDERS = np.array([(1, 1), (1, 2), (2, 1), (2, 2), (1, 3), (3, 1), (2, 3), (3, 2)])
 TORN = '["torn", [1.0, 2'
 STRESS = 1 + 1e-3 * np.array([1, -1])
+FEW = ("aspect_ratio", "compliant_clamp", "shear_stress", "stress_anisotropy")
+DIAGNOSE = (
+    "from femnl.diagnose import diagnose; from femnl.effects import library; "
+    "diagnose({path!r}, effects=[library()[name] for name in {few}])"
+)
 
 
 def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "split.nc"
     rng = np.random.default_rng(3)
@@ -28,11 +33,8 @@ def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(
         frequency + 3 * rng.standard_normal(8), np.full(8, 3.0), [f"{m},{n}" for m, n in ORDERS]
     )
     measurement.write(measurement.bundle({"spectrum": data}, geometry="square-270um"), path)
-    folder = tmp_path / "cache" / "femnl"
-    folder.mkdir(parents=True)
-    for solved in user_cache_path("femnl").glob("*.n[cp]*"):
-        (folder / solved.name).symlink_to(solved)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(own_cache))
+    folder = own_cache / "femnl"
     kept = lines_of_killed(path, folder, 5)
     (checkpoint,) = folder.glob("diagnosis-*.jsonl")
     with checkpoint.open("a", encoding="utf-8") as file:
@@ -41,16 +43,16 @@ def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(
     assert later[: len(kept)] == kept, "a kept line was changed, or the torn one spoils another"
     made = [json.loads(line)[0] for line in later]
     assert len(set(made)) == len(made) >= len(kept) + 4, "a fit that was kept was made again"
-    again = diagnose(path)
+    effects = [library()[name] for name in FEW]
+    again = diagnose(path, effects=effects)
     assert not list(folder.glob("diagnosis-*.jsonl"))
-    assert record(again) == record(diagnose(path))
+    assert record(again) == record(diagnose(path, effects=effects))
 
 
 def lines_of_killed(path: Path, folder: Path, count: int) -> list[str]:
     """Kill a diagnosis once its checkpoint has so many lines, and return those that are whole."""
-    run = subprocess.Popen(
-        [sys.executable, "-c", f"from femnl.diagnose import diagnose; diagnose({str(path)!r})"]
-    )
+    program = DIAGNOSE.format(path=str(path), few=FEW)
+    run = subprocess.Popen([sys.executable, "-c", program])
     deadline = time.monotonic() + 120
     lines = list[str]()
     while run.poll() is None and time.monotonic() < deadline:

@@ -267,11 +267,11 @@ def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes
     assert sum("fits are not kept" in line for line in lines) == 1
 
 
-def test_an_interrupt_ends_helpers_and_the_fits_are_kept(tmp_path: Path) -> None:
+def test_an_interrupt_ends_helpers_and_the_fits_are_kept(tmp_path: Path, own_cache: Path) -> None:
     path = split(tmp_path / "split.nc")
-    told = tmp_path / "cache" / "femnl"
+    told = own_cache / "femnl"
     environment = os.environ | {
-        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        "XDG_CACHE_HOME": str(own_cache),
         "PYTHONPATH": str(Path(__file__).parents[2]),
     }
     command = [sys.executable, "-m", "femnl", "diagnose", path.name, "--workers", "2"]
