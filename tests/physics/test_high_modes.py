@@ -92,7 +92,14 @@ def test_high_modes_are_certified_at_low_resolutions_too(resolution: float) -> N
 
 
 @pytest.mark.parametrize(
-    ("count", "resolution"), [(36, 1.0), (36, 2.0), (40, 1.5), (100, 1.5), (200, 2.0)]
+    ("count", "resolution"),
+    [
+        (36, 1.0),
+        (36, 2.0),
+        (40, 1.5),
+        (100, 1.5),
+        pytest.param(200, 2.0, marks=pytest.mark.slow),
+    ],
 )
 def test_no_mode_of_a_multiple_frequency_is_missed(count: int, resolution: float) -> None:
     """(1,7), (7,1) and (5,5) have one frequency and lie in one class of symmetry."""

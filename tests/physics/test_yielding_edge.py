@@ -87,7 +87,11 @@ RIVALS = ("tension_gradient", "added_mass", "compliant_clamp", "bending_stiffnes
     [
         # λ = 1.3 µm and errors of 3 Hz; λ = 1.8 µm and errors of 100 Hz
         (Case("spectrum", ("yielding_edge",), 3), (90, 150, 100, 200)),
-        (Case("spectrum", ("yielding_edge",), 2, "rectangle"), (70, 30, 10, 75)),
+        pytest.param(
+            Case("spectrum", ("yielding_edge",), 2, "rectangle"),
+            (70, 30, 10, 75),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["square", "rectangle"],
 )
