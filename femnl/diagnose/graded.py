@@ -20,6 +20,9 @@ TOGETHER = 4
 """Sets of causes that are weighed by one process at a time, as each is sent the discrepancy."""
 OF_FEW_SHAPES = frozenset({"decay", "trace"})
 """Kinds whose causes are smooth functions of one variable: time, or the number of a harmonic."""
+OF_ONE_RESONANCE = frozenset({"response"})
+"""Kinds whose causes all bend one resonance or its background, so that one takes up 96 to 99 % of
+another: a second mode of a quintic stiffness, a slope of a Fano line, one detector of another."""
 
 
 @dataclass(frozen=True)
@@ -56,10 +59,17 @@ class Graded:
         planar = model.layout is not None and model.layout.planar
         return planar or model.kind in OF_FEW_SHAPES or spanned >= THRESHOLDS.few_data
 
-    @property
-    def least_share(self) -> float:
-        """Return the part of the held-out excess χ² that causes named in part must take up."""
-        return THRESHOLDS.least_share_of_alike if self.alike else THRESHOLDS.least_share
+    def least_share(self, candidate: Candidate) -> float:
+        """Return the part of the held-out excess χ² that causes named in part must take up.
+
+        Causes of one resonance may leave what the accuracy ε of their equations allows, ε² of it.
+        """
+        if self.alike:
+            return THRESHOLDS.least_share_of_alike
+        if self.base.result.model.base_model.kind not in OF_ONE_RESONANCE:
+            return THRESHOLDS.least_share
+        missed = max((effect.accuracy**2 for effect in candidate.result.model.effects), default=0.0)
+        return float(np.clip(1 - missed, THRESHOLDS.least_share, THRESHOLDS.least_share_of_alike))
 
     @property
     def least_inclusion(self) -> float:

@@ -216,7 +216,7 @@ def _takes_up_most(candidate: Candidate, weighed: Weighed) -> bool:
     after = candidate.result.cross_validation
     excess = np.array(before.squares) - np.array(before.sizes)
     taken = np.array(before.squares) - np.array(after.squares)
-    if taken.sum() < weighed.graded.least_share * excess.sum():
+    if taken.sum() < weighed.graded.least_share(candidate) * excess.sum():
         return False
     telling = excess > 0
     return bool(np.mean(taken[telling] > 0) >= THRESHOLDS.most_blocks)

@@ -6,6 +6,8 @@ import pytest
 
 from femnl.diagnose import diagnose
 from femnl.effects import library
+from tests.blind.lab import Case
+from tests.blind.lab import make as make_exact
 from tests.blind.realistic.files import Draw, make
 
 
@@ -126,6 +128,24 @@ def test_what_takes_up_most_of_another_cause_that_the_library_lacks_is_not_named
 ) -> None:
     make(draw, tmp_path / "file.nc")
     known = [effect for effect in library().values() if effect.name not in draw.causes]
+    found = diagnose(tmp_path / "file.nc", effects=known)
+    assert (found.verdict, found.causes) == ("unexplained", ())
+
+
+@pytest.mark.parametrize(
+    ("cause", "seed"),
+    [
+        pytest.param("fano_background", 3196120473, marks=pytest.mark.slow),
+        ("detector_saturation", 615155161),
+        pytest.param("one_sided_saturation", 2852583633, marks=pytest.mark.slow),
+        pytest.param("quintic_stiffness", 1965972220, marks=pytest.mark.slow),
+    ],
+)
+def test_what_takes_up_most_of_a_cause_of_sweeps_that_the_library_lacks_is_not_named(
+    cause: str, seed: int, tmp_path: Path
+) -> None:
+    make_exact(Case("response", (cause,), seed), tmp_path / "file.nc")
+    known = [effect for effect in library().values() if effect.name != cause]
     found = diagnose(tmp_path / "file.nc", effects=known)
     assert (found.verdict, found.causes) == ("unexplained", ())
 

@@ -187,7 +187,19 @@ def test_causes_must_be_surer_where_smooth_directions_span_much_of_the_data(
     line = cause("line", 1, 0.05)
     found = Weighed([candidate(model, *effects) for effects in ((), (line,))])
     assert found.graded.least_inclusion == (0.999 if surer else 0.99)
-    assert found.graded.least_share == (0.99 if surer else 0.9)
+    assert found.graded.least_share(found.found[1]) == (0.99 if surer else 0.9)
+
+
+@pytest.mark.parametrize(("accuracy", "least"), [(0.05, 0.99), (0.2, 0.96), (0.5, 0.9)])
+def test_causes_of_one_resonance_may_leave_what_their_equations_may_miss(
+    accuracy: float, least: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Level, "kind", "response")
+    noise = np.random.default_rng(20261127).standard_normal(N)
+    model = Level(STRONG * PLACE + noise, BLOCKS, 1e4)
+    line = candidate(model, cause("line", 1, accuracy))
+    found = Weighed([candidate(model), line])
+    assert found.graded.least_share(line) == pytest.approx(least)
 
 
 @pytest.mark.parametrize(
