@@ -21,8 +21,11 @@ TOGETHER = 4
 OF_FEW_SHAPES = frozenset({"decay", "trace"})
 """Kinds whose causes are smooth functions of one variable: time, or the number of a harmonic."""
 OF_ONE_RESONANCE = frozenset({"response"})
-"""Kinds whose causes all bend one resonance or its background, so that one takes up 96 to 99 % of
-another: a second mode of a quintic stiffness, a slope of a Fano line, one detector of another."""
+"""Kinds whose causes all bend one resonance or its background, so that one takes up most of another:
+a second mode 97 % of a quintic stiffness, a slope 98 % of a Fano line.
+"""
+ACCURACIES = 2.0
+"""Of its accuracy, how much an equation may miss the data by: two standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +65,15 @@ class Graded:
     def least_share(self, candidate: Candidate) -> float:
         """Return the part of the held-out excess χ² that causes named in part must take up.
 
-        Causes of one resonance may leave what the accuracy ε of their equations allows, ε² of it.
+        Causes of one resonance may leave what the accuracy ε of their equations allows, (2ε)² of it.
         """
         if self.alike:
             return THRESHOLDS.least_share_of_alike
         if self.base.result.model.base_model.kind not in OF_ONE_RESONANCE:
             return THRESHOLDS.least_share
-        missed = max((effect.accuracy**2 for effect in candidate.result.model.effects), default=0.0)
-        return float(np.clip(1 - missed, THRESHOLDS.least_share, THRESHOLDS.least_share_of_alike))
+        accuracy = max((effect.accuracy for effect in candidate.result.model.effects), default=0.0)
+        least = 1 - (ACCURACIES * accuracy) ** 2
+        return float(np.clip(least, THRESHOLDS.least_share, THRESHOLDS.least_share_of_alike))
 
     @property
     def least_inclusion(self) -> float:

@@ -169,9 +169,9 @@ class Thresholds:
         "edge in tests/physics/test_yielding_edge.py, an admixture of modes 98 % of a drift in "
         "tests/unit/test_diagnose_map_causes.py; in decays a stiffness that grows with amplitude "
         "90 to 96 % of a drift, in traces a slow detector 97 to 98 % of a trigger's jitter; in "
-        "sweeps less what equations may miss: a slope takes up 98 % of a Fano line, a second mode "
-        "97 % of a quintic stiffness, one law of a detector that clips 99 % of the other, but one "
-        "law of a drive that does not follow 99 % of the other, too, and that is to be named",
+        "sweeps what equations may miss is left: a slope takes up 98 % of a Fano line, a second "
+        "mode 97 % of a quintic stiffness, but one law of a drive that does not follow, or of a "
+        "detector that clips, 99 % of another, and that is to be named",
         _REALISTIC,
     )
     few_data: float = _threshold(
