@@ -21,8 +21,8 @@ TOGETHER = 4
 OF_FEW_SHAPES = frozenset({"decay", "trace"})
 """Kinds whose causes are smooth functions of one variable: time, or the number of a harmonic."""
 OF_ONE_RESONANCE = frozenset({"response"})
-"""Kinds whose causes all bend one resonance or its background, so that one takes up most of another:
-a second mode 97 % of a quintic stiffness, a slope 98 % of a Fano line.
+"""Kinds whose causes all bend one resonance or its background, so that one resembles another: a
+second mode takes up 97 % of a quintic stiffness, a slope 98 % of a Fano line.
 """
 ACCURACIES = 2.0
 """Of its accuracy, how much an equation may miss the data by: two standard deviations."""
@@ -65,7 +65,7 @@ class Graded:
     def least_share(self, candidate: Candidate) -> float:
         """Return the part of the held-out excess χ² that causes named in part must take up.
 
-        Causes of one resonance may leave what the accuracy ε of their equations allows, (2ε)² of it.
+        Causes of one resonance may leave (2ε)² of it, with the accuracy ε of their equations.
         """
         if self.alike:
             return THRESHOLDS.least_share_of_alike
