@@ -231,6 +231,7 @@ def test_a_particle_is_sought_anew_once_the_drift_beside_it_is_known(tmp_path: P
     assert next(t for t in found.trials if t.causes == both).p_value > 0.01
 
 
+@pytest.mark.slow
 def test_a_drift_that_was_only_found_beside_a_particle_is_told_alone(tmp_path: Path) -> None:
     # It exchanges the ranks of frequencies without names: on its own the fit stops where some of
     # them are still the wrong way round.
@@ -253,6 +254,7 @@ def test_an_equal_whose_fit_stopped_short_is_fitted_anew_and_told(tmp_path: Path
     assert min(told[("stress_anisotropy",)], told[("aspect_ratio",)]) > 0.2
 
 
+@pytest.mark.slow
 def test_a_particle_that_the_library_lacks_is_not_explained_by_others(tmp_path: Path) -> None:
     make(Case("spectrum", ("added_mass",), 3652888188), tmp_path / "file.nc")
     found = diagnose(

@@ -73,6 +73,7 @@ def softer(text: str, factor: float) -> str:
     return text.replace('young = "250 GPa"', f'young = "{250 * factor!r} GPa"')
 
 
+@pytest.mark.slow
 def test_another_stress_changes_losses_as_the_film_solved_anew_has_them() -> None:
     a = 0.04
     parts = {XX: a / 2, YY: -a / 2}
