@@ -139,6 +139,7 @@ def test_anisotropy_in_frequencies_is_a_tie_with_the_aspect_ratio(tmp_path: Path
 
 @pytest.mark.slow
 def test_a_leak_of_22_sigma_is_a_tie_with_the_flank_of_a_broad_resonance(tmp_path: Path) -> None:
+    # Two parameters more lower χ² from 1253.9 to 1249.3, which chance does in one of ten
     make(Case("response", ("crosstalk",), 2, SQUARE, (20.0, 60.0)), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
     assert found.verdict == "ambiguous"

@@ -190,13 +190,16 @@ def test_causes_must_be_surer_where_smooth_directions_span_much_of_the_data(
     assert found.graded.least_share(found.found[1]) == (0.99 if surer else 0.9)
 
 
+class OfSweeps(Level):
+    kind = "response"
+
+
 @pytest.mark.parametrize(("accuracy", "least"), [(0.01, 0.99), (0.1, 0.96), (0.3, 0.9)])
 def test_causes_of_one_resonance_may_leave_what_their_equations_may_miss(
-    accuracy: float, least: float, monkeypatch: pytest.MonkeyPatch
+    accuracy: float, least: float
 ) -> None:
-    monkeypatch.setattr(Level, "kind", "response")
     noise = np.random.default_rng(20261127).standard_normal(N)
-    model = Level(STRONG * PLACE + noise, BLOCKS, 1e4)
+    model = OfSweeps(STRONG * PLACE + noise, BLOCKS, 1e4)
     line = candidate(model, cause("line", 1, accuracy))
     found = Weighed([candidate(model), line])
     assert found.graded.least_share(line) == pytest.approx(least)
