@@ -183,24 +183,25 @@ def _decayed(y: complex, b: complex, flow: tuple[float, complex], left: float) -
 def low_pass(
     found: ComplexArray, voltage: ComplexArray, rest: Array, poles: int, begins: NDArray[np.bool_]
 ) -> None:
-    """Write into `found` (n,) what a low pass of equal poles makes of steps, in the order of time.
+    """Write into `found` (m, n) what a low pass of equal poles makes of steps, in order of time.
 
     Over a rest at the voltage v, y_j → v + e^{−u} Σ_i (y_i − v) u^{j−i}/(j−i)!, u = T/τ.
 
-    Args: voltage (n,) [V]; rest (n,): T/τ; poles: their number; begins (n,): whether a sweep begins
-        there, with the filter settled.
+    Args: voltage (m, n) [V]; rest (n,): T/τ; poles: their number; begins (n,): whether a sweep
+        begins there, with the filter settled.
     """
     state = np.zeros(poles, np.complex128)
-    for k in range(len(voltage)):
-        v = voltage[k]
-        if begins[k]:
-            state[:] = v
-        kept = np.exp(-rest[k])
-        for j in range(poles - 1, -1, -1):
-            total = 0j
-            term = kept
-            for back in range(j + 1):
-                total += (state[j - back] - v) * term
-                term *= rest[k] / (back + 1)
-            state[j] = v + total
-        found[k] = state[poles - 1]
+    for row in range(len(voltage)):
+        for k in range(len(rest)):
+            v = voltage[row, k]
+            if begins[k]:
+                state[:] = v
+            kept = np.exp(-rest[k])
+            for j in range(poles - 1, -1, -1):
+                total = 0j
+                term = kept
+                for back in range(j + 1):
+                    total += (state[j - back] - v) * term
+                    term *= rest[k] / (back + 1)
+                state[j] = v + total
+            found[row, k] = state[poles - 1]

@@ -56,47 +56,62 @@ class LateSweeps:
         Args: chosen (n,): the branch of each point, as far as points tell one by one. read_out:
             from motion to voltage.
         """
-        branches = chosen[self._later] if swept.filtered > 0 else chosen[None]
-        points = np.arange(len(chosen))
-        trials = []
-        for branch in branches:
-            # A filter alone follows what the states are read out as
-            volts = states.voltage[branch, points]
-            if swept.motion > 0:
-                volts = read_out(self._motion(swept.motion, states, branch))
-            trials.append(self._filtered(swept, volts))
-        misfit = np.abs(np.array(trials) - self.sweeps.voltage) ** 2
-        found = np.empty_like(trials[0])
-        for span in self.sweeps.spans:
-            found[span] = trials[int(np.argmin(misfit[:, span].sum(axis=1)))][span]
-        return found
+        late = np.any(swept.filtered) and self._jumps(chosen)
+        branches = chosen[self._later] if late else chosen[None]
+        # A filter alone follows what the states are read out as
+        volts = np.take_along_axis(states.voltage, branches, axis=0)
+        if np.any(swept.motion):
+            moved = self._motion(swept.motion, states, branches)
+            volts = np.stack([read_out(row) for row in moved])
+        trials = self._filtered(swept, volts)
+        if len(trials) == 1:
+            return np.asarray(trials[0])
+        misfit = np.abs(trials - self.sweeps.voltage) ** 2
+        nearest = np.argmin(np.add.reduceat(misfit, self._starts, axis=1), axis=0)
+        points = np.diff(np.append(self._starts, len(chosen)))
+        taken = np.repeat(nearest, points)
+        return np.asarray(np.take_along_axis(trials, taken[None], axis=0)[0])
 
-    def _motion(self, kept: float, states: States, branch: NDArray[np.int64]) -> ComplexArray:
-        """Return the motion (n,) that follows the drive late.
+    def _jumps(self, chosen: NDArray[np.int64]) -> bool:
+        """Whether any sweep goes from one branch (n,) to the other."""
+        changed = np.diff(chosen) != 0
+        changed[self._starts[1:] - 1] = False
+        return bool(changed.any())
 
-        Args: kept: of a deviation from one point to the next. branch (n,): the state at rest.
+    def _motion(
+        self, kept: float | Array, states: States, branches: NDArray[np.int64]
+    ) -> ComplexArray:
+        """Return the motion (m, n) that follows the drive late.
+
+        Args: kept: of a deviation from one point to the next. branches (m, n): states at rest.
         """
         order, begins = self._order
-        steady = states.amplitude[branch[order], order]
-        rest = -np.log(kept) * self.step[order]
+        steady = np.take_along_axis(states.amplitude, branches, axis=0)[:, order]
+        rest = (-np.log(kept) * self.step)[order]
         late = np.empty_like(steady)
-        compiled(settle)(late, steady, states.delta[order], states.bend[order], rest, begins)
+        for row, at_rest in zip(late, steady, strict=True):
+            compiled(settle)(row, at_rest, states.delta[order], states.bend[order], rest, begins)
         found = np.empty_like(late)
-        found[order] = late
+        found[:, order] = late
         return found
 
     def _filtered(self, swept: Acquisition, volts: ComplexArray) -> ComplexArray:
-        """Return the voltage (n,) behind the filter of the lock-in."""
-        if swept.filtered == 0:
+        """Return the voltages (m, n) behind the filter of the lock-in."""
+        if not np.any(swept.filtered):
             return volts
         order, begins = self._order
         # Of the step to a point, Q(n, T/τ) is left at its end.
-        rest = float(gammainccinv(swept.poles, swept.filtered)) * self.step[order]
+        rest = (gammainccinv(swept.poles, swept.filtered) * self.step)[order]
         late = np.empty_like(volts)
-        compiled(low_pass)(late, volts[order], rest, int(swept.poles), begins)
+        compiled(low_pass)(late, volts[:, order], rest, int(swept.poles), begins)
         found = np.empty_like(late)
-        found[order] = late
+        found[:, order] = late
         return found
+
+    @cached_property
+    def _starts(self) -> NDArray[np.int64]:
+        """Where each sweep begins that has points."""
+        return np.array([span.start for span in self.sweeps.spans if span.stop > span.start])
 
     @cached_property
     def _later(self) -> NDArray[np.int64]:
