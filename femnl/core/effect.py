@@ -5,12 +5,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from femnl.core.kinds import kinds
+from femnl.core.readout import Array
 
 Kind = str
 """Name of a kind of measurement, a key of `femnl.core.kinds.kinds()`."""
 Stage = str
 """Name of a stage of a forward model, one of the `stages` of a kind."""
 Values = Mapping[str, float]
+ManyValues = Mapping[str, Array]
+"""The same of several models at once, (m,) of each parameter."""
 Change = Callable[[Any, Values], Any]
 """A pure function from the value of a stage and the parameters of the effect to a new value of the
 same type.
@@ -59,7 +62,8 @@ class Effect:
     shared: whether the measurements of one device have its parameters in common, as for film and
     stage; else each laser has its own.
     couples_blocks: whether what it does to one step, sweep or place depends on the motion at
-    another.
+    another. pointwise: whether each point of a sweep is changed by the parameters and by what is at
+    that point alone, so that parameters may be arrays, one value a point.
     accuracy: part of what it does to the data that its equation may miss on real devices, and why.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far
     it holds. file: where a file outside of every package defines it.
@@ -76,6 +80,7 @@ class Effect:
     replaces: tuple[str, ...] = ()
     shared: bool = True
     couples_blocks: bool = False
+    pointwise: bool = False
     accuracy: float = 0.01
     accuracy_reason: str = "parameters of the device are known to a percent at best"
     file: EffectFile | None = field(default=None, repr=False, compare=False)

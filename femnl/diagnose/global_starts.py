@@ -124,10 +124,10 @@ def _evaluated(result: FitResult, effect: Effect, places: list[Array]) -> Array:
     """Return the residuals (m, n) of a model with one more effect."""
     wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     base, values = result.model.split(result.vector)
-    found = [
-        wider.residuals(wider.pack(base, [*values, _named(effect, numbers)])) for numbers in places
-    ]
-    return np.reshape(found, (len(places), len(result.residuals)))
+    if not places:
+        return np.empty((0, len(result.residuals)))
+    vectors = [wider.pack(base, [*values, _named(effect, numbers)]) for numbers in places]
+    return np.array(list(wider.residuals_of_each(np.array(vectors))))
 
 
 def _named(effect: Effect, numbers: Array) -> dict[str, float]:

@@ -1,8 +1,9 @@
 """Score tests: the causes and patterns to which the residuals of a fit point."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from scipy.special import chdtrc, erfc
@@ -10,13 +11,16 @@ from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.strength_slopes import chord, tangent
+from femnl.diagnose.strength_slopes import Index, chord, tangents
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult
 from femnl.observe.extended import ExtendedModel
 
+T = TypeVar("T")
 N_SHAPES = {0: 1, 1: 128, 2: 128, 3: 128}
 """Trial shapes of an effect with that many parameters that only shape it."""
+AT_ONCE = 16
+"""Shapes that are tried at once; more of them fill the memory where data are many."""
 SECANT = 0.05
 """Part of the misfit that an effect's tangent spans where the misfit is large."""
 VISIBLE = 1e-6
@@ -189,30 +193,46 @@ def _effect_tests(
     found = []
     shaping = [one for one in ranges if not one.spec.strength]
     tried = _trial_shapes(shaping) if shapes is None else [_shape_of(shaping, shapes[effect.name])]
-    for shape in tried:
-        idle = shape | {one.spec.name: 0.0 for one in strengths}
+    none = {one.spec.name: 0.0 for one in strengths}
 
-        def change(name: str, strength: float, idle: Values = idle) -> Array:
-            at_strength = wider.pack(base, [*values, {**idle, name: strength}])
-            return np.asarray(wider.residuals(at_strength) - result.residuals)
+    def change(mine: Sequence[Values], name: str, which: Index, strength: Array) -> Array:
+        """Return what a strength (k,) in some of the shapes (k,) changes of the residuals."""
+        vectors = [
+            wider.pack(base, [*values, {**mine[k], **none, name: size}])
+            for k, size in zip(which, strength, strict=True)
+        ]
+        return np.array(list(wider.residuals_of_each(np.array(vectors)))) - result.residuals
 
-        changes = [partial(change, one.spec.name) for one in strengths]
-        tangents = np.stack(
-            [
-                tangent(by, one.spec.name, steps, one.high, target)
-                for by, one in zip(changes, strengths, strict=True)
-            ]
-        )
-        basis = _beside(own, tangents)
-        if len(basis) == 0:  # of second order, or not to be seen at all
-            tangents = np.stack(
-                [chord(by, one.low, one.high) for by, one in zip(changes, strengths, strict=True)]
+    for mine in _portions(tried):
+        slopes = []
+        for one in strengths:
+            name = one.spec.name
+            by_shape, steps[name] = tangents(
+                partial(change, mine, name), len(mine), steps[name], one.high, target
             )
-            basis = _beside(own, tangents)
-        if len(basis):
-            free = tangents - (tangents @ own) @ own.T
-            found.append(_effect_test(result, effect, shape, strengths, free, basis))
+            slopes.append(by_shape)
+        for k, shape in enumerate(mine):
+            rows = np.stack([by_shape[k] for by_shape in slopes])
+            basis = _beside(own, rows)
+            if len(basis) == 0:  # of second order, or not to be seen at all
+                rows = np.stack(
+                    [
+                        chord(partial(change, [shape], one.spec.name), one.low, one.high)
+                        for one in strengths
+                    ]
+                )
+                basis = _beside(own, rows)
+            if len(basis):
+                free = rows - (rows @ own) @ own.T
+                found.append(_effect_test(result, effect, shape, strengths, free, basis))
     return found
+
+
+def _portions(shapes: list[T]) -> Iterator[list[T]]:
+    """Yield the shapes that are tried at once: the first alone, since it finds the steps."""
+    yield shapes[:1]
+    for first in range(1, len(shapes), AT_ONCE):
+        yield shapes[first : first + AT_ONCE]
 
 
 def _trial_shapes(ranges: list[_Range]) -> list[dict[str, float]]:

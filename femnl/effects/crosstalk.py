@@ -37,4 +37,5 @@ EFFECT = Effect(
     "drive sinusoidal; where no drive is recorded, of 1 V",
     sentence="the drive leaks into the detected signal",
     shared=False,
+    pointwise=True,
 )

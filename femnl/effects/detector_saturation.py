@@ -49,4 +49,5 @@ EFFECT = Effect(
     "sinusoid",
     sentence="the detector clips the signal",
     shared=False,
+    pointwise=True,
 )

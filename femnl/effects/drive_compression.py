@@ -35,4 +35,5 @@ EFFECT = Effect(
     limits="the same at all frequencies; exact to the order κV², a model of one parameter beyond: "
     "of a force V + cV³ with cV² = 0.1 it misses 1 %",
     sentence="the drive does not grow as its voltage",
+    pointwise=True,
 )

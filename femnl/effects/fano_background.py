@@ -52,4 +52,5 @@ EFFECT = Effect(
     "push the mode",
     sentence="a broad resonance, as of the piezo, is seen beside the mode",
     shared=False,
+    pointwise=True,
 )

@@ -61,4 +61,5 @@ EFFECT = Effect(
     "Where the file has no duration, each sweep lasts until the next one begins",
     sentence="all frequencies drift with the time of acquisition",
     needs=("time",),
+    pointwise=True,
 )

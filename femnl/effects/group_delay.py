@@ -38,4 +38,5 @@ EFFECT = Effect(
     "(2π(f − f₀)τ)²/2, and where the mode is nonlinear",
     sentence="the signal is delayed on its way to the detector",
     shared=False,
+    pointwise=True,
 )

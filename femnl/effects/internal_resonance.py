@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Oscillator
 
@@ -14,7 +16,7 @@ def couple(mode: Oscillator, values: Values) -> Oscillator:
     Its equation at pf is B p(f_j/p − f + iw_j/2) ∝ A^p, and the force back on the first is ∝
     A*^{p−1} B.
     """
-    if values["coupling_square"] == 0:
+    if np.all(values["coupling_square"] == 0):
         return mode
     crossing = mode.middle + values["offset"]
     pull = -values["coupling_square"] / (crossing - mode.driven + 0.5j * values["width"])
@@ -77,4 +79,5 @@ EFFECT = Effect(
     "offset counts. A partner narrower than the distance of the points has a width known only "
     "from above",
     sentence="the driven mode gives energy to another one near a multiple of its frequency",
+    pointwise=True,
 )

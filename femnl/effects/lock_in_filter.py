@@ -44,4 +44,5 @@ EFFECT = Effect(
     sentence="the filter of the lock-in lags behind the sweep",
     needs=("direction",),
     shared=False,
+    pointwise=True,
 )

@@ -46,4 +46,5 @@ EFFECT = Effect(
     limits="first order of averaging: ηA² may be large, w ≪ f₀; of a decay, A counts in units of "
     "its amplitude A0 at the begin",
     sentence="damping grows with amplitude",
+    pointwise=True,
 )

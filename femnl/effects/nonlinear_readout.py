@@ -43,4 +43,5 @@ EFFECT = Effect(
     sentence="the fringe is not straight over the motion",
     needs=("wavelength",),
     shared=False,
+    pointwise=True,
 )

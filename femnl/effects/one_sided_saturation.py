@@ -48,4 +48,5 @@ EFFECT = Effect(
     "which side it is",
     sentence="the detector clips one side of the signal",
     shared=False,
+    pointwise=True,
 )

@@ -46,4 +46,5 @@ EFFECT = Effect(
     "else the scale of metres "
     "takes it up",
     sentence="the film has a restoring force of second order, as a film that is bent at rest",
+    pointwise=True,
 )

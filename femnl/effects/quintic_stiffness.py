@@ -37,4 +37,5 @@ EFFECT = Effect(
     "Fourier coefficient of cos⁵ is 5/8",
     limits="a small correction of the cubic term",
     sentence="the film has a restoring force of fifth order",
+    pointwise=True,
 )

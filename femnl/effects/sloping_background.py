@@ -34,4 +34,5 @@ EFFECT = Effect(
     "resonance of its own (fano_background); a sinusoidal drive; the same at all places",
     sentence="the drive leaks into the detected signal by an amount that changes with frequency",
     shared=False,
+    pointwise=True,
 )

@@ -37,4 +37,5 @@ EFFECT = Effect(
     "Where sweeps jump, the motion is as exact, but a fit may not find it: they are unexplained",
     sentence="the mode does not settle before the next point is taken",
     needs=("direction",),
+    pointwise=True,
 )

@@ -3,14 +3,13 @@
 Parameters that move different residuals share evaluations.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.readout import Array
 from femnl.observe.extended import ExtendedModel
 
+Lane = tuple[NDArray[np.int64], NDArray[np.bool_]]
 TARGET = 0.05
 """Change of the whole residual vector, in σ, at which tangents are taken."""
 FIRST = 1e-6
@@ -33,24 +32,27 @@ def tangents(model: ExtendedModel, vector: Array, at: Array, first: Array) -> tu
     width = np.subtract(*model.bounds[::-1])
     steps = first.copy()
     slopes = np.zeros((len(at), vector.size))
-    for place, mask in _lanes(model, at):
-        seeking = np.ones(len(place), dtype=bool)
-        for tries in range(TRIES, -1, -1):
-            mine = place[seeking]
-            own = mask[seeking]
-            moved = _moved(model, vector, mine, steps[mine])
-            change = np.where(own, model.residuals(moved) - at, 0.0)
-            slopes[:, mine] = change.T / (moved - vector)[mine]
+    lanes = _lanes(model, at)
+    for tries in range(TRIES, -1, -1):
+        moved = _moved(model, vector, lanes, steps)
+        left = []
+        for (place, mask), there, residuals in zip(
+            lanes, moved, model.residuals_of_each(moved), strict=True
+        ):
+            change = np.where(mask, residuals - at, 0.0)
+            slopes[:, place] = change.T / (there - vector)[place]
             size = np.linalg.norm(change, axis=1)
             again = (size <= 0.2 * TARGET) | (size >= 5 * TARGET)
             # A jump, as where two modes exchange labels, must not shrink the step to nothing.
             factor = np.where(again, np.clip(TARGET / np.maximum(size, 1e-300), 1e-4, 1e4), 1.0)
-            mended = np.clip(steps[mine] * factor, LEAST * width[mine], MOST * width[mine])
-            again &= mended != steps[mine]
-            if not again.any() or not tries:
-                break
-            steps[mine[again]] = mended[again]
-            seeking[seeking] = again
+            mended = np.clip(steps[place] * factor, LEAST * width[place], MOST * width[place])
+            again &= mended != steps[place]
+            if tries and again.any():
+                steps[place[again]] = mended[again]
+                left.append((place[again], mask[again]))
+        lanes = left
+        if not lanes:
+            break
     return steps, slopes
 
 
@@ -71,21 +73,22 @@ def steps_for(model: ExtendedModel, size: Array, steps: Array | None = None) -> 
 def jacobian_at(model: ExtendedModel, vector: Array, at: Array, steps: Array) -> Array:
     """Return the derivatives of the residuals, taken away from the nearer bound."""
     slopes = np.zeros((len(at), vector.size))
-    for place, mask in _lanes(model, at):
-        moved = _moved(model, vector, place, steps[place])
-        change = model.residuals(moved) - at
-        slopes[:, place] = np.where(mask, change, 0.0).T / (moved - vector)[place]
+    lanes = _lanes(model, at)
+    moved = _moved(model, vector, lanes, steps)
+    found = model.residuals_of_each(moved)
+    for (place, mask), there, residuals in zip(lanes, moved, found, strict=True):
+        change = np.where(mask, residuals - at, 0.0)
+        slopes[:, place] = change.T / (there - vector)[place]
     return slopes
 
 
-def _lanes(
-    model: ExtendedModel, at: Array
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-    """Yield the places of parameters that can be moved together, and what each moves.
+def _lanes(model: ExtendedModel, at: Array) -> list[Lane]:
+    """Return the places of parameters that can be moved together, and what each moves.
 
     The residuals are given as a mask (n_places, n).
     """
     left = {(owner, spec.name): i for i, (owner, spec) in enumerate(model.parameters)}
+    lanes = []
     for group in (
         ()
         if any(effect.couples_blocks for effect in model.effects)
@@ -95,12 +98,15 @@ def _lanes(
             left.pop(("base", name)): mask for name, mask in group.items() if ("base", name) in left
         }
         if masks:  # an effect may have replaced them all
-            yield np.array(list(masks)), np.stack(list(masks.values()))
-    for i in left.values():
-        yield np.array([i]), np.ones((1, len(at)), dtype=bool)
+            lanes.append((np.array(list(masks)), np.stack(list(masks.values()))))
+    everywhere = np.ones((1, len(at)), dtype=bool)
+    return [*lanes, *((np.array([i]), everywhere) for i in left.values())]
 
 
-def _moved(model: ExtendedModel, vector: Array, place: NDArray[np.int64], step: Array) -> Array:
-    moved = vector.copy()
-    moved[place] += np.where(vector[place] + step <= model.bounds[1][place], step, -step)
+def _moved(model: ExtendedModel, vector: Array, lanes: list[Lane], steps: Array) -> Array:
+    """Return the vectors (n_lanes, p) in which the parameters of one lane each are moved."""
+    moved = np.tile(vector, (len(lanes), 1))
+    inwards = np.where(vector + steps <= model.bounds[1], steps, -steps)
+    for row, (place, _) in zip(moved, lanes, strict=True):
+        row[place] += inwards[place]
     return moved

@@ -1,12 +1,12 @@
 """A base model extended by effects, as a function of one vector of parameters."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import Effect, ManyValues, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.observe.model import MeasurementModel, scale_of
 
@@ -71,3 +71,50 @@ class ExtendedModel:
         """Return the residuals in σ, prior knowledge included."""
         base, values = self.split(vector)
         return self.base_model.residuals(self.effects, base, values)
+
+    def residuals_of_each(self, vectors: Array) -> Iterator[Array]:
+        """Yield the residuals (n,) of each of several vectors (m, p).
+
+        Where the base model takes many sets of parameters, those that go the same way are computed
+        at once: with 400 data, most of the time of one is not spent on data. Elsewhere one after
+        the other, as millions of residuals fill the memory.
+        """
+        if not self._takes_many:
+            yield from map(self.residuals, vectors)
+            return
+        ways, way = np.unique(self._ways(vectors), axis=0, return_inverse=True)
+        found: dict[int, Array] = {}
+        for number in range(len(ways)):
+            rows = np.flatnonzero(way == number)
+            base, values = self._split_many(vectors[rows])
+            together = self.base_model.residuals_of_many(self.effects, base, values)
+            found |= dict(zip(rows.tolist(), together, strict=True))
+        yield from (found[row] for row in range(len(vectors)))
+
+    @cached_property
+    def _takes_many(self) -> bool:
+        return self.base_model.takes_many and all(effect.pointwise for effect in self.effects)
+
+    def _ways(self, vectors: Array) -> Array:
+        """Return what (m, k) of vectors (m, p) must be equal for them to be computed at once.
+
+        It is which parameters of effects vanish, and the whole numbers.
+        """
+        ways = []
+        for (owner, spec), numbers in zip(self.parameters, vectors.T, strict=True):
+            if spec.whole:
+                ways.append(np.rint(numbers))
+            elif owner != "base":
+                ways.append((numbers == 0).astype(float))
+        return np.stack(ways, axis=1) if ways else np.zeros((len(vectors), 1))
+
+    def _split_many(self, vectors: Array) -> tuple[ManyValues, list[ManyValues]]:
+        """Return what `split` does, of each row of vectors (m, p) at once."""
+        none = np.zeros(len(vectors))
+        named: dict[str, dict[str, Array]] = {
+            "base": {spec.name: none for spec in self.base_model.base}
+        }
+        named |= {effect.name: {} for effect in self.effects}
+        for (owner, spec), numbers in zip(self.parameters, vectors.T, strict=True):
+            named[owner][spec.name] = np.rint(numbers) if spec.whole else numbers
+        return named["base"], [named[effect.name] for effect in self.effects]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
-from femnl.core.effect import Effect, Kind, ParameterSpec, Stage, Values
+from femnl.core.effect import Effect, Kind, ManyValues, ParameterSpec, Stage, Values
 from femnl.core.errors import ParameterError
 from femnl.core.memo import recent_of
 from femnl.core.readout import Array
@@ -50,7 +50,8 @@ class MeasurementModel(ABC):
     yet make a cause worth its parameters. noise_factor: noise
     that the model takes over the one stated, and correlation_length: how many neighbouring data it
     takes for one. left_out: glitches that never became residuals, where
-    and by how many σ. ranked: residuals whose data go to predictions by rank.
+    and by how many σ. ranked: residuals whose data go to predictions by rank. takes_many: whether
+    `residuals_of_many` is there.
     """
 
     kind: Kind
@@ -65,6 +66,7 @@ class MeasurementModel(ABC):
     noise_factor: float = 1.0
     correlation_length: float = 1.0
     left_out: tuple[tuple[str, float], ...] = ()
+    takes_many: bool = False
 
     @property
     def independent_blocks(self) -> tuple[Mapping[str, NDArray[np.bool_]], ...]:
@@ -141,6 +143,16 @@ class MeasurementModel(ABC):
     @abstractmethod
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (data − prediction)/σ of the base model extended by effects, (n_residuals,)."""
+
+    def residuals_of_many(
+        self, effects: Sequence[Effect], base: ManyValues, values: Sequence[ManyValues]
+    ) -> Array:
+        """Return `residuals` (m, n_residuals) of m sets of parameters, at once.
+
+        All effects are `pointwise`; strengths that vanish in one set do so in all, and whole
+        numbers are the same in all.
+        """
+        raise NotImplementedError(f"{self.kind}: takes one set of parameters at a time")
 
     @abstractmethod
     def residual_directions(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
-from femnl.core.effect import Effect, Kind, ParameterSpec, Values
+from femnl.core.effect import Effect, Kind, ManyValues, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.observe.model import MeasurementModel, Named, Thinned
 from femnl.observe.residuals import Layout, apart
@@ -56,6 +56,7 @@ class NoisyModel(MeasurementModel):
     notes: tuple[str, ...]
     needs_global_search: bool
     jumps: tuple[str, ...]
+    takes_many: bool
     tells_noise = True
 
     @cached_property
@@ -159,6 +160,12 @@ class NoisyModel(MeasurementModel):
         """Return the white residuals of the data that are kept."""
         return self.white(self.bare.residuals(effects, base, values))
 
+    def residuals_of_many(
+        self, effects: Sequence[Effect], base: ManyValues, values: Sequence[ManyValues]
+    ) -> Array:
+        """Return the white residuals (m, n_residuals) of the data that are kept."""
+        return self.white(self.bare.residuals_of_many(effects, base, values))
+
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
@@ -224,6 +231,7 @@ def with_noise(bare: MeasurementModel, noise: FoundNoise) -> MeasurementModel:
         notes=(*bare.notes, *_told(noise)),
         needs_global_search=bare.needs_global_search,
         jumps=bare.jumps,
+        takes_many=bare.takes_many,
     )
 
 

@@ -197,5 +197,6 @@ def test_a_sweep_that_no_number_describes_is_on_a_branch_all_the_same() -> None:
     chosen = np.full(6, 99)
     nowhere = np.full(6, np.nan, complex)
     spans = np.array([(0, 3, 1), (3, 6, 0)])
-    compiled(follow)(chosen, nowhere, np.stack([nowhere, nowhere]), spans, np.array([0, 1]))
+    starts = np.array([(0, 1), (0, 1)])
+    compiled(follow)(chosen, nowhere, np.stack([nowhere, nowhere]), spans, starts)
     assert set(chosen) <= {0, 1}

@@ -3,7 +3,8 @@
 import numpy as np
 
 from femnl.core.comparison import Comparison, Curve, Curves
-from femnl.core.readout import ComplexArray
+from femnl.core.numbers import engineering, signed
+from femnl.core.readout import Array, ComplexArray
 from femnl.observe.residuals import Quantity, quadratures
 from femnl.observe.response.sweeps import Sweeps
 
@@ -48,3 +49,22 @@ def voltages(sweeps: Sweeps) -> tuple[Quantity, ...]:
         "frequency": (sweeps.frequency, "Hz"),
     }
     return quadratures("signal", "V", np.full(len(sweeps.frequency), sweeps.noise), axes)
+
+
+def described(sweeps: Sweeps, residuals: Array, resonance: float) -> str:
+    """Say at which drive and on which side of the resonance [Hz] the sweeps deviate."""
+    n = len(sweeps.frequency)
+    power = (residuals[:n] ** 2 + residuals[n : 2 * n] ** 2) / 2
+    rms = {
+        drive: float(np.sqrt(power[sweeps.drive == drive].mean()))
+        for drive in np.unique(sweeps.drive)
+    }
+    worst = max(rms, key=lambda drive: rms[drive])
+    k = int(np.argmax(power))
+    table = ", ".join(
+        f"{engineering(drive * sweeps.reference, 'V')}: {value:.2f}σ"
+        for drive, value in rms.items()
+    )
+    offset = sweeps.frequency[k] - resonance
+    most = f"the drive of {engineering(worst * sweeps.reference, 'V')} deviates most"
+    return f"{most}, most strongly {signed(offset, 'Hz')} from resonance; rms by drive {table}"

@@ -100,8 +100,7 @@ class LateSweeps:
         if not np.any(swept.filtered):
             return volts
         order, begins = self._order
-        # Of the step to a point, Q(n, T/τ) is left at its end.
-        rest = (gammainccinv(swept.poles, swept.filtered) * self.step)[order]
+        rest = (_steps_of_filter(swept) * self.step)[order]
         late = np.empty_like(volts)
         compiled(low_pass)(late, volts[:, order], rest, int(swept.poles), begins)
         found = np.empty_like(late)
@@ -132,3 +131,15 @@ class LateSweeps:
         ]
         begins = np.concatenate([np.arange(len(part)) == 0 for part in parts])
         return np.concatenate(parts), begins
+
+
+def _steps_of_filter(swept: Acquisition) -> Array:
+    """Return u = T/τ, after which a low pass has kept as much of a step, one or (n,).
+
+    Of a step, Q(poles, u) is left. It is slow to invert, and equal for most neighbours: it is
+    inverted once for each run of equal numbers.
+    """
+    kept = np.atleast_1d(swept.filtered)
+    begins = np.flatnonzero(np.append(True, np.diff(kept) != 0))
+    steps = gammainccinv(swept.poles, kept[begins])
+    return np.repeat(steps, np.diff(np.append(begins, len(kept))))

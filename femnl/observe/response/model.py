@@ -2,26 +2,26 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
 from femnl.core.compiled import compiled
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import Effect, ManyValues, ParameterSpec, Values
 from femnl.core.memo import recent
-from femnl.core.numbers import engineering, signed
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
 from femnl.observe.model import MeasurementModel, Named, apply
 from femnl.observe.residuals import Layout, Quantity
-from femnl.observe.response.curves import curves, sweep_name, voltages
+from femnl.observe.response.curves import curves, described, sweep_name, voltages
 from femnl.observe.response.extent import extent
 from femnl.observe.response.late import LateSweeps, States
 from femnl.observe.response.layout import along_sweeps, marked
+from femnl.observe.response.many import each_point, gains_at, once, portions
 from femnl.observe.response.states import branch_amplitudes, follow
-from femnl.observe.response.sweeps import Sweeps
+from femnl.observe.response.sweeps import Sweeps, repeated
 
 ALPHA_SD = 0.2
 """Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known
@@ -52,6 +52,7 @@ class ResponseModel(MeasurementModel):
 
     kind = "response"
     tells_noise = True
+    takes_many = True
     jumps = ("peak",)
 
     sweeps: Sweeps
@@ -69,6 +70,7 @@ class ResponseModel(MeasurementModel):
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+    copies: int = 1
 
     def unscaled_by(self, glitches: Sequence[int]) -> "ResponseModel":
         """Return the model whose scales are those of the other data: a glitch is no signal."""
@@ -89,6 +91,8 @@ class ResponseModel(MeasurementModel):
     @cached_property
     def _solved(self) -> Callable[..., ComplexArray]:
         """Amplitudes on both branches at the latest parameters."""
+        if self.copies > 1:
+            return once(branch_amplitudes, self.copies)
         return recent(branch_amplitudes)
 
     @cached_property
@@ -156,9 +160,7 @@ class ResponseModel(MeasurementModel):
         data = instead or self.sweeps
         mode, _ = self._mode(effects, base, values, data)
         linear = np.maximum(mode.peak * mode.force, np.finfo(float).tiny)
-        gains = np.array(
-            [base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self.place]
-        )[data.position]
+        gains = gains_at(data.position, self.place, base)
         volts = data.drive * data.reference
         delta, bend, states = self._states(mode, data, linear)
 
@@ -177,7 +179,7 @@ class ResponseModel(MeasurementModel):
         both = np.stack([read_out(b) for b in states])
         chosen = self._followed(both, mode)
         swept = apply("acquisition", Acquisition(), effects, values)
-        if swept == Acquisition():
+        if not (np.any(swept.motion) or np.any(swept.filtered)):
             return np.asarray(np.take_along_axis(both, chosen[None], axis=0)[0])
         return self._late.voltage(swept, States(delta, bend, states, both), chosen, read_out)
 
@@ -245,27 +247,77 @@ class ResponseModel(MeasurementModel):
         another mode pulls, it may end either branch.
         """
         chosen = np.empty(both.shape[1], np.int64)
-        spans = np.array(
-            [
-                (s.start, s.stop, d != 0)
-                for s, d in zip(self.sweeps.spans, self.sweeps.direction, strict=True)
-            ],
-            np.int64,
-        )
-        starts = [0, 1] if np.any(mode.pull) else [int(mode.alpha >= 0)]
-        compiled(follow)(chosen, self.sweeps.voltage, both, spans, np.array(starts))
+        spans = self._spans
+        starts = np.tile([0, 1], (len(spans), 1))
+        if not np.any(mode.pull):
+            stiffens = np.broadcast_to(mode.alpha, len(chosen)) >= 0
+            first = np.minimum(spans[:, 0], len(chosen) - 1)
+            starts = stiffens[first, None].astype(np.int64)
+        compiled(follow)(chosen, self.sweeps.voltage, both, spans, starts)
         return chosen
+
+    @cached_property
+    def _spans(self) -> NDArray[np.int64]:
+        """Where each sweep starts and stops, and whether its direction is known, (n_sweeps, 3)."""
+        spans = zip(self.sweeps.spans, self.sweeps.direction, strict=True)
+        return np.array([(s.start, s.stop, way != 0) for s, way in spans], np.int64)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
-        deviation = 0.0
-        if self.softens:
-            _, own = self._mode(effects, base, values, self.sweeps)
-            deviation = (own / self.simulated_alpha - 1) / ALPHA_SD
         return self._whole(
             (self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise,
-            deviation,
+            self._deviation(effects, base, values) if self.softens else 0.0,
         )
+
+    def _deviation(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> float:
+        """Return how far the film's own α is from the simulated one, in σ."""
+        _, own = self._mode(effects, base, values, self.sweeps)
+        return (own / self.simulated_alpha - 1) / ALPHA_SD
+
+    def residuals_of_many(
+        self, effects: Sequence[Effect], base: ManyValues, values: Sequence[ManyValues]
+    ) -> Array:
+        """Return `residuals` (m, n_residuals) of m sets of parameters.
+
+        They are computed as one long record, whose parameters differ from point to point.
+        """
+        n = len(self.sweeps.frequency)
+        found = []
+        for portion in portions(len(base["frequency"]), n):
+            own = [each_point(numbers, portion, n) for numbers in values]
+            many = self._repeated(portion.stop - portion.start)
+            found.append(many._of_each(n, effects, each_point(base, portion, n), own))
+        return np.concatenate(found)
+
+    def _of_each(
+        self, n: int, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> Array:
+        """Return the residuals (m, n_residuals) of the same n points m times."""
+        left = (self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise
+        points = left.reshape(-1, n)
+        parts = [points.real, points.imag]
+        if self.softens:
+            deviation = np.broadcast_to(self._deviation(effects, base, values), left.shape)
+            parts.append(deviation.reshape(points.shape)[:, :1])
+        return np.concatenate(parts, axis=1)
+
+    @cached_property
+    def _repeated(self) -> Callable[[int], "ResponseModel"]:
+        """The model of the same sweeps several times, one after the other."""
+
+        def times(count: int) -> ResponseModel:
+            return replace(
+                self,
+                sweeps=repeated(self.sweeps, count),
+                time=np.tile(self.time, count),
+                step=np.tile(self.step, count),
+                shape=np.tile(self.shape, count),
+                copies=count,
+            )
+
+        return cache(times)
 
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
@@ -339,18 +391,4 @@ class ResponseModel(MeasurementModel):
 
     def describe(self, residuals: Array) -> str:
         """Say at which drive and on which side of the resonance the sweeps deviate."""
-        n = len(self.sweeps.frequency)
-        power = (residuals[:n] ** 2 + residuals[n : 2 * n] ** 2) / 2
-        rms = {
-            d: float(np.sqrt(power[self.sweeps.drive == d].mean()))
-            for d in np.unique(self.sweeps.drive)
-        }
-        worst = max(rms, key=lambda d: rms[d])
-        k = int(np.argmax(power))
-        table = ", ".join(
-            f"{engineering(d * self.sweeps.reference, 'V')}: {value:.2f}σ"
-            for d, value in rms.items()
-        )
-        offset = self.sweeps.frequency[k] - self.start[0]
-        drive = f"the drive of {engineering(worst * self.sweeps.reference, 'V')} deviates most"
-        return f"{drive}, most strongly {signed(offset, 'Hz')} from resonance; rms by drive {table}"
+        return described(self.sweeps, residuals, self.start[0])

@@ -18,13 +18,13 @@ def follow(
     """Write into `chosen` (n,) the branch of `both` (2, n) that each measured point is on.
 
     spans (n_sweeps, 3): start, stop, and whether a sweep jumps once, from one of the branches
-    `starts`, where the data say.
+    `starts` (n_sweeps, k), where the data say.
     """
     for k in range(len(spans)):
         start = spans[k, 0]
         stop = spans[k, 1]
         nearest = np.inf
-        for first in starts:
+        for first in starts[k]:
             last = 1 - first
             jump = start
             left = 0.0

@@ -82,6 +82,25 @@ class Sweeps:
         return float(np.ptp(self.frequency))
 
 
+def repeated(sweeps: Sweeps, count: int) -> Sweeps:
+    """Return the same sweeps several times, one after the other."""
+    n = len(sweeps.frequency)
+    number = np.repeat(np.arange(count), n)
+    begins = (n * np.arange(count)).tolist()
+    return replace(
+        sweeps,
+        frequency=np.tile(sweeps.frequency, count),
+        voltage=np.tile(sweeps.voltage, count),
+        drive=np.tile(sweeps.drive, count),
+        sweep=np.tile(sweeps.sweep, count) + len(sweeps.spans) * number,
+        position=np.tile(sweeps.position, count),
+        row=np.tile(sweeps.row, count),
+        column=np.tile(sweeps.column, count),
+        spans=tuple(slice(s.start + at, s.stop + at) for at in begins for s in sweeps.spans),
+        direction=count * sweeps.direction,
+    )
+
+
 def collect(dataset: xr.Dataset) -> Sweeps:
     """Flatten the sweeps of the first harmonic of a `response` dataset.
 
