@@ -60,6 +60,8 @@ class Effect:
     stage; else each laser has its own.
     couples_blocks: whether what it does to one step, sweep or place depends on the motion at
     another.
+    one_material: whether its equation holds for a film of one material alone, so that films with
+    layers that have a shape are diagnosed without it.
     accuracy: part of what it does to the data that its equation may miss on real devices, and why.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far
     it holds. file: where a file outside of every package defines it.
@@ -77,6 +79,7 @@ class Effect:
     shared: bool = True
     couples_blocks: bool = False
     accuracy: float = 0.01
+    one_material: bool = False
     accuracy_reason: str = "parameters of the device are known to a percent at best"
     file: EffectFile | None = field(default=None, repr=False, compare=False)
 
