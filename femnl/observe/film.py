@@ -25,6 +25,7 @@ from femnl.mechanics.fem.laminate import (
     told_of_layers,
 )
 from femnl.mechanics.modes.dilution import bending_share
+from femnl.mechanics.modes.effective import effective_stiffness
 from femnl.mechanics.modes.projection import project
 from femnl.mechanics.modes.quality import load_of_layers
 from femnl.mechanics.prestress import solve_units
@@ -40,6 +41,8 @@ BENDING_OF_LAYERS = (0.0, 0.5, 1.0, 1.5, 2.5, 4.0)
 """The same where a layer ends on the film: its rim bends the film too, and a cubic misses 2e-5 of a
 frequency a fifth away.
 """
+THICKER = (-0.5, -0.4, -0.15, 0.15, 0.4, 0.5)
+"""Relative changes of the thickness of layers at which the film is solved."""
 GRID = 96
 """Points along each side of the film's box at which integrals over its surface are summed."""
 STIFFNESS = 0.1
@@ -249,6 +252,26 @@ class SimulatedFilm:
             np.linalg.solve(np.array(factors)[:, None] ** powers, k2)
             / self.bending_length ** powers[:, None]
         )
+
+    @cached_property
+    def thicker(self) -> Array:
+        """What layers of thickness h(1 + t) add to K [N/m], by powers of t from 1, (p, n, n).
+
+        A polynomial through the film solved at `THICKER`; none where no layers are kept.
+        """
+        if not self.layered:
+            return np.empty((0, 1, 1))
+        own = np.diag(self.modes.stiffness)
+        rows = []
+        for part in THICKER:
+            layers = [
+                replace(one, thickness=(1 + part) * one.thickness) for one in self.model.layers
+            ]
+            changed = replace(self.model, layers=tuple(layers))
+            modes = solve_modes(changed, self.count, self._symmetry)
+            rows.append((effective_stiffness(self.modes, modes) - own).ravel())
+        powers = np.array(THICKER)[:, None] ** np.arange(1, len(THICKER) + 1)
+        return np.linalg.solve(powers, np.array(rows)).reshape(-1, self.count, self.count)
 
     def _solved(self, factor: float) -> Array:
         """Return the frequencies [Hz] of a film as stiff in bending as ℓ times a factor makes it.

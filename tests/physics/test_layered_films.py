@@ -28,6 +28,7 @@ from femnl.mechanics.fem.solvers import lowest_eigenpairs
 from femnl.mechanics.modes.operators import Operators
 from femnl.observe.film import SimulatedFilm
 from femnl.pipeline import solve_modes
+from tests.blind.lab.electrode import frequencies as laboratory
 from tests.physics.changed_films import system_of
 
 Array = NDArray[np.float64]
@@ -167,6 +168,15 @@ def test_an_edge_that_yields_does_what_springs_do_to_the_film_anew() -> None:
     assert found == pytest.approx(anew(electrode(more=more)), rel=2e-6)
 
 
+@pytest.mark.parametrize("excess", [-0.3, 0.07, 0.27, 0.46])
+def test_thicker_layers_do_what_they_do_to_the_film_anew(excess: float) -> None:
+    model = electrode()
+    thick = model.with_("layers.1.thickness", f"{60 * (1 + excess)} nm")
+    system = replace(system_of(film()), thicker=film().thicker)
+    found = lowest(system, "layer_thickness", {"excess": excess})
+    assert found == pytest.approx(anew(thick), rel=2e-6)
+
+
 def test_what_is_left_of_a_bowl_of_stress_is_that_of_a_disc_in_a_disc() -> None:
     """Of u″ + u′/r − u/r² = −t′/A, t = hσr²/R², on either side of the rim of the electrode.
 
@@ -246,21 +256,40 @@ def test_gas_moves_with_the_film_however_much_metal_lies_on_it(gap: float) -> No
 SHIPPED = "metallised-drum"
 
 
-def diagnosed(true: Model, folder: Path, sd: float = 1e-5) -> Diagnosis:
-    """Diagnose the frequencies of a device that is solved anew, as those of the shipped drum."""
-    modes = solve_modes(true, 14, cache=False)
-    noise = np.random.default_rng(27).normal(0, sd * modes.frequency)
-    group = measurement.spectrum(modes.frequency + noise, sd * modes.frequency)
+def diagnosed(frequency: Array, folder: Path) -> Diagnosis:
+    """Diagnose frequencies with noise of 1e-5, as those of the shipped drum."""
+    sd = 1e-5 * frequency
+    noise = np.random.default_rng(27).normal(0, sd)
+    group = measurement.spectrum(frequency + noise, sd)
     path = folder / "drum.nc"
     measurement.write(measurement.bundle({"spectrum": group}), path)
     return diagnose(path, geometry=SHIPPED)
 
 
 def test_a_metallised_drum_without_a_cause_is_adequate_and_told(tmp_path: Path) -> None:
-    found = diagnosed(load(SHIPPED), tmp_path)
+    found = diagnosed(laboratory(load(SHIPPED), 14), tmp_path)
     assert found.verdict == "adequate"
     assert any("layers lie on the film as its geometry says" in note for note in found.notes)
     assert any("left out" in note and "aspect_ratio" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("thicker", [0.0, 0.3])
+def test_the_laboratory_has_the_frequencies_of_the_drum(thicker: float) -> None:
+    model = load(SHIPPED)
+    thick = model.with_("layers.1.thickness", f"{30 * (1 + thicker)} nm")
+    modes = solve_modes(thick, 14, cache=False)
+    made = laboratory(model, 14, thicker)
+    assert np.all(np.abs(made - modes.frequency) < modes.frequency_error)
+    assert made == pytest.approx(modes.frequency, rel=2e-6)
+
+
+@pytest.mark.parametrize("thicker", [0.2, -0.06])
+def test_an_electrode_of_another_thickness_is_named(thicker: float, tmp_path: Path) -> None:
+    found = diagnosed(laboratory(load(SHIPPED), 14, thicker), tmp_path)
+    assert found.causes == ("layer_thickness",)
+    told = found.parameters["layer_thickness"]["excess"]
+    assert abs(told.value - thicker) < 4 * told.sd
+    assert told.sd < 0.01
 
 
 def test_an_edge_of_a_metallised_drum_that_yields_is_named(tmp_path: Path) -> None:
@@ -269,7 +298,8 @@ def test_an_edge_of_a_metallised_drum_that_yields_is_named(tmp_path: Path) -> No
     across = film.young * film.thickness / compliance
     along = across * (1 - film.poisson) / 2
     springs = f'[clamp]\nnormal = "{across:.12g} Pa"\nshear = "{along:.12g} Pa"\n'
-    found = diagnosed(parse(load(SHIPPED).text + springs), tmp_path)
+    true = parse(load(SHIPPED).text + springs)
+    found = diagnosed(solve_modes(true, 14, cache=False).frequency, tmp_path)
     assert found.causes == ("yielding_edge",)
     told = found.parameters["yielding_edge"]["compliance"]
     assert abs(told.value - compliance) < 4 * told.sd
@@ -293,7 +323,8 @@ def test_a_grain_on_the_electrode_of_a_drum_is_named_with_its_mass_and_place(
     tmp_path: Path,
 ) -> None:
     """Solved as a soft heavy disc on top of the metal, where its mesh follows it."""
-    found = diagnosed(parse(load(SHIPPED).text + GRAIN), tmp_path)
+    true = parse(load(SHIPPED).text + GRAIN)
+    found = diagnosed(solve_modes(true, 14, cache=False).frequency, tmp_path)
     assert found.causes == ("added_mass",)
     told = found.parameters["added_mass"]
     mass = 400e-9 * 3000 * np.pi * 2.5e-6**2

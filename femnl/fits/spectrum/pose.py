@@ -101,6 +101,7 @@ def pose(
             "highest_pressure": pressure or ATMOSPHERE,
             "crossing_time": crossing_time(film.model.outline),
             **({"gap": film.gap} if np.isfinite(film.gap) else {}),
+            **({"layer_thickness": 1.0} if film.layered else {}),
             **({"quality_factor": 1.0} if rated.any() else {}),
             **(_gas(film, float(frequency.min()), pressure) if pressure else {}),
         },

@@ -289,6 +289,7 @@ class SpectrumModel(MeasurementModel):
             self.film.airload,
             speed_known=self.known_speed is not None,
             area=self.film.area,
+            thicker=self.film.thicker,
         )
         return plain, mass, system
 
