@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -62,14 +62,17 @@ def film(
     import numpy as np
 
     from femnl.fits.spectrum.film import UNITS, fit_film, need_assignable
-    from femnl.mechanics.fem.laminate import one_material
+    from femnl.mechanics.fem.laminate import as_in_spectra, keeps_layers, told_of_layers
     from femnl.plot.overview import film_figure
 
     need_assignable(dataset)
-    device = one_material(device)
+    device = as_in_spectra(device)
     modes = _modes_up_to(device, float(np.nanmax(dataset["frequency"].values)), cache)
     held = in_si(fixed, UNITS.get)
     found = fit_film(dataset, modes.label, modes.frequency, device.film, held)
+    if keeps_layers(device):
+        notes = (*found.fit.notes, told_of_layers(device))
+        found = replace(found, fit=replace(found.fit, notes=notes))
     # Sub-kilohertz modes in Hz
     divisor, unit = (1e6, "MHz") if np.max(found.frequency) >= SLOW else (1.0, "Hz")
     rows = [

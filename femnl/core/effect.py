@@ -62,8 +62,11 @@ class Effect:
     shared: whether the measurements of one device have its parameters in common, as for film and
     stage; else each laser has its own.
     couples_blocks: whether what it does to one step, sweep or place depends on the motion at
-    another. pointwise: whether each point of a sweep is changed by the parameters and by what is at
-    that point alone, so that parameters may be arrays, one value a point.
+    another.
+    pointwise: whether each point of a sweep is changed by the parameters and by what is at that
+    point alone, so that parameters may be arrays, one value a point.
+    one_material: whether its equation holds for a film of one material alone, so that films with
+    layers that have a shape are diagnosed without it.
     accuracy: part of what it does to the data that its equation may miss on real devices, and why.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far
     it holds. file: where a file outside of every package defines it.
@@ -82,6 +85,7 @@ class Effect:
     couples_blocks: bool = False
     pointwise: bool = False
     accuracy: float = 0.01
+    one_material: bool = False
     accuracy_reason: str = "parameters of the device are known to a percent at best"
     file: EffectFile | None = field(default=None, repr=False, compare=False)
 

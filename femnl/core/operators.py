@@ -50,10 +50,11 @@ class Projection:
 
     slopes (6, 3, n, n) [m]: ∫ h S : ½(∇ξᵢ∇ξⱼ + ∇ξⱼ∇ξᵢ), S what is left in equilibrium of a film
     stress φ s, φ of `WEIGHTS` and s of 1 in one of `DIRECTIONS` (xy: ½ in xy and in yx), so that a
-    stress [Pa] times it is a stiffness; masses (6, n, n) [kg]: ∫
-    ρhφξᵢξⱼ; reach [m]: the unit of x and y; grid_x, grid_y (m,) [m], dense at both ends, and shapes
-    (n, m, m) as [mode, y, x]: ξ on a grid over the box of the film, going on smoothly over holes;
-    tension: what changes of the film's tension add to K.
+    stress [Pa] times it is a stiffness, and h is that of the film, also where layers lie on it;
+    masses (6, n, n) [kg]: ∫ μφξᵢξⱼ, μ = Σρh of film and layers; reach [m]: the unit of x and y;
+    grid_x, grid_y (m,) [m], dense at both ends, and shapes (n, m, m) as [mode, y, x]: ξ on a grid
+    over the box of the film, going on smoothly over holes; tension: what changes of the film's
+    tension add to K.
     """
 
     slopes: Array

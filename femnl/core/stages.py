@@ -31,7 +31,8 @@ class ModalSystem:
     airload (n, n) [m³], see `femnl.mechanics.airload`; tension (9,): strengths of `STRENGTHS` that
     K holds; unbent (n, n) [N/m]: what of K the energy of bending does not follow, as a spring of
     gas; speed_known: whether the speed of waves is known from elsewhere, so that a shift that all
-    modes share is seen.
+    modes share is seen; area (n,) [m²]: ∫ξ² where layers lie on the film, empty without them;
+    thicker (p, n, n) [N/m]: what layers of thickness h(1 + t) add to K, by powers of t from 1.
     """
 
     stiffness: Array
@@ -47,11 +48,20 @@ class ModalSystem:
     tension: Array = field(default_factory=lambda: np.zeros(len(STRENGTHS)))
     unbent: Array = field(default_factory=lambda: np.zeros((1, 1)))
     speed_known: bool = False
+    area: Array = field(default_factory=lambda: np.empty(0))
+    thicker: Array = field(default_factory=lambda: np.empty((0, 1, 1)))
 
     @property
     def speed(self) -> float:
         """Speed of waves c = √(σ/ρ), in m/s."""
         return float(np.sqrt(self.stress / self.film.density))
+
+    @property
+    def squared(self) -> Array:
+        """∫ξ² of each base mode, (n,) [m²]."""
+        if len(self.area):
+            return self.area
+        return np.asarray(np.diag(self.mass) / (self.film.density * self.film.thickness))
 
     @property
     def wavenumber(self) -> Array:

@@ -7,7 +7,7 @@ mode its linewidth and its response to the drive. Frequencies are not tied to ea
 drifts from one measurement to the next.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -215,6 +215,14 @@ class JointModel(MeasurementModel):
                     other |= {self.names[group][name]: value for name, value in alike[k].items()}
             found.append(other)
         return found
+
+    def ruled_out(self, library: Iterable[Effect]) -> tuple[str, ...]:
+        """Return those of every measurement, after its name."""
+        effects = list(library)
+        found: list[str] = []
+        for name, group in self.groups.items():
+            found += [f"{name}: {sentence}" for sentence in group.ruled_out(effects)]
+        return tuple(found)
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Return those of each measurement, by its name."""

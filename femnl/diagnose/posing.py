@@ -93,7 +93,7 @@ def pose(
     Raises: MeasurementError for a kind that needs a device where there is none.
     """
     spec = kind_of(dataset)
-    simulated = SimulatedFilm.of_one_material if spec.takes_layers else SimulatedFilm
+    simulated = SimulatedFilm.for_spectra if spec.takes_layers else SimulatedFilm
     film = None if model is None else simulated(model, spec.modes(dataset))
     if film is None and spec.needs_device:
         raise MeasurementError(f"{name}: a {spec.name} needs a device; give it with --geometry")

@@ -91,9 +91,8 @@ def _diagnosed(
             if seen == noise or not left:
                 break
             noise = seen
-        concluded = conclude(
-            str(path), digest, found, (*tree.attrs.get("repairs", ()), *_notes(found)), run
-        )
+        notes = (*tree.attrs.get("repairs", ()), *_notes(found, pool))
+        concluded = conclude(str(path), digest, found, notes, run)
         factor = 1.0
         if concluded.rule in NOISE_IS_LARGER:
             factor = next(c.factor for c in found if c.names == concluded.causes)
@@ -105,8 +104,9 @@ def _diagnosed(
     return replace(noisy, geometry=geometry, model=model)
 
 
-def _notes(found: list[Candidate]) -> tuple[str, ...]:
-    return found[0].result.model.base_model.notes
+def _notes(found: list[Candidate], effects: list[Effect]) -> tuple[str, ...]:
+    model = found[0].result.model.base_model
+    return (*model.notes, *model.ruled_out(effects))
 
 
 def _first_noise(posing: Callable[..., Posed], checkpoint: Checkpoint) -> Noise:

@@ -144,6 +144,7 @@ def _described(effect: Effect) -> tuple[object, ...]:
         effect.shared,
         effect.couples_blocks,
         effect.accuracy,
+        effect.one_material,
     )
     return *numbers, _source(effect)
 

@@ -35,4 +35,5 @@ EFFECT = Effect(
     "as stress_anisotropy. The lowest 14 of 48 modes are right to 1e-8 of the film solved anew, "
     "with few holes to 4e-7, with a lattice of 900 to 4e-5 at 0.1",
     sentence="the sides are not in the ratio that the geometry says",
+    one_material=True,
 )

@@ -124,4 +124,5 @@ EFFECT = Effect(
     "L + 2δ is all it sees: δ = 12 nm, a ledge's, shows in no frequency, and a film of 270 µm "
     "takes δ above 1 µm to shift its modes up to m = 5 by parts in 10⁶",
     sentence="the edge gives way, so that low modes reach further into it than high ones",
+    one_material=True,
 )

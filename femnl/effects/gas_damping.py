@@ -48,4 +48,5 @@ EFFECT = Effect(
     "factor of 2, or a gap that gas leaves slowly (Bao's energy transfer needs ωτ ≪ 1)",
     sentence="gas damps the motion in proportion to its pressure",
     needs=("pressure", "quality_factor"),
+    one_material=True,
 )

@@ -11,10 +11,13 @@ from femnl.core.stages import ModalSystem, Points
 
 def load(system: ModalSystem, values: Values) -> ModalSystem:
     """Add the mass of the gas that each pair of modes moves, above the film and in the gap."""
-    own = np.diag(system.mass) / (system.film.density * system.film.thickness)
-    waves = np.diag(own / system.wavenumber)
+    own = system.squared
+    # Of a film that layers load, k² = ω²m/(T∫ξ²)
+    loaded = np.diag(system.mass) / (system.film.density * system.film.thickness * own)
+    wavenumber = system.wavenumber * np.sqrt(loaded)
+    waves = np.diag(own / wavenumber)
     free = system.airload if len(system.airload) else waves
-    below = waves / np.tanh(system.wavenumber * system.gap) if np.isfinite(system.gap) else free
+    below = waves / np.tanh(wavenumber * system.gap) if np.isfinite(system.gap) else free
     return replace(system, mass=system.mass + values["gas_density"] * (free + below))
 
 

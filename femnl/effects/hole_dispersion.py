@@ -39,4 +39,5 @@ EFFECT = Effect(
     "has holes; in frequencies alone the same as another bending stiffness",
     sentence="the lattice of holes slows short waves more or less than the geometry says",
     needs=("pitch_square",),
+    one_material=True,
 )

@@ -88,4 +88,5 @@ EFFECT = Effect(
     "closed rim lets modes of no volume keep their gas alike",
     sentence="gas trapped between film and wafer stiffens the film",
     needs=("gap", "highest_pressure"),
+    one_material=True,
 )

@@ -15,12 +15,19 @@ from femnl.core.modes import Modes
 from femnl.core.operators import Projection
 from femnl.core.processes import one_blas_thread
 from femnl.core.readout import Array
-from femnl.device.mesh import WEDGES, film_middle, has_symmetry
+from femnl.device.mesh import WEDGES, covers, film_middle, has_symmetry
 from femnl.io.results.projection import cached_projection
 from femnl.mechanics.airload import airload
-from femnl.mechanics.fem.laminate import one_material
+from femnl.mechanics.fem.laminate import (
+    as_in_spectra,
+    keeps_layers,
+    one_material,
+    told_of_layers,
+)
 from femnl.mechanics.modes.dilution import bending_share
+from femnl.mechanics.modes.effective import effective_stiffness
 from femnl.mechanics.modes.projection import project
+from femnl.mechanics.modes.quality import load_of_layers
 from femnl.mechanics.prestress import solve_units
 from femnl.mechanics.tension import effort_of, solve_tension
 from femnl.pipeline import solve_modes, solve_nonlinearity
@@ -30,6 +37,12 @@ BENDING = (0.0, 1.0, 2.0, 4.0)
 is a cubic in ℓ.
 """
 
+BENDING_OF_LAYERS = (0.0, 0.5, 1.0, 1.5, 2.5, 4.0)
+"""The same where a layer ends on the film: its rim bends the film too, and a cubic misses 2e-5 of a
+frequency a fifth away.
+"""
+THICKER = (-0.5, -0.4, -0.15, 0.15, 0.4, 0.5)
+"""Relative changes of the thickness of layers at which the film is solved."""
 GRID = 96
 """Points along each side of the film's box at which integrals over its surface are summed."""
 STIFFNESS = 0.1
@@ -42,12 +55,15 @@ UNITS = 3
 class SimulatedFilm:
     """A device and its lowest modes, solved when first asked for and kept on disk.
 
-    notes: what a diagnosis by it has to tell.
+    notes: what a diagnosis by it has to tell. layered: whether it keeps its layers, as where they
+    have a shape; then the film is that without them, and moduli and densities of layers go with its
+    own where c and ℓ change.
     """
 
     model: Model
     count: int
     notes: tuple[str, ...] = ()
+    layered: bool = False
 
     @classmethod
     def of_one_material(cls, model: Model, count: int) -> Self:
@@ -67,14 +83,28 @@ class SimulatedFilm:
         )
         return cls(alike, count, (told,))
 
+    @classmethod
+    def for_spectra(cls, model: Model, count: int) -> Self:
+        """Return a device whose layers stay as they are where one of them has a shape.
+
+        Others are taken together with the film, as `of_one_material` does.
+
+        Raises:
+            ParameterError: layers of a film that may bend at rest from its edges.
+        """
+        if not keeps_layers(model):
+            return cls.of_one_material(model, count)
+        return cls(as_in_spectra(model), count, (told_of_layers(model),), layered=True)
+
     @cached_property
     def modes(self) -> Modes:
         """The lowest modes of the device as its geometry says.
 
         Raises:
-            ParameterError: a film with layers, as all causes change one even material.
+            ParameterError: a film with layers that it does not keep, as all causes but those of
+                spectra change one even material.
         """
-        if self.model.layers:
+        if self.model.layers and not self.layered:
             raise ParameterError(
                 f"{self.model.name}: [layers]: causes act on a film of one material, and those of "
                 "spectra alone are modelled with layers; leave them out, or take the geometry of "
@@ -113,7 +143,7 @@ class SimulatedFilm:
 
     @property
     def bending_length(self) -> float:
-        """ℓ = √(D/T) of the geometry, in m; T is that of the film before release."""
+        """ℓ = √(D/T) of the film, in m, without layers; T is its tension before release."""
         film = self.model.film
         return float(
             film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
@@ -121,7 +151,7 @@ class SimulatedFilm:
 
     @property
     def speed(self) -> float:
-        """C = √(σ/ρ) of the geometry, in m/s."""
+        """C = √(σ/ρ) of the film, in m/s, without layers."""
         return float(np.sqrt(self.model.film.stress / self.model.film.density))
 
     @property
@@ -148,7 +178,7 @@ class SimulatedFilm:
         return np.asarray(self._share(length) * self.bending_share / known)
 
     def _share(self, length: float) -> Array:
-        power = np.arange(len(BENDING))
+        power = np.arange(len(self.layer))
         k2 = length**power @ self.layer
         rise = power * length**power @ self.layer  # ∂k²/∂ ln ℓ
         square = k2 + length**2 * k2**2
@@ -163,20 +193,37 @@ class SimulatedFilm:
 
     @cached_property
     def rigid(self) -> Array:
-        """Return ∫ρhφξ/√∫ρhφ² of each mode, (3, n) [√kg], for φ = 1, x and y.
+        """Return ∫μφξ/√∫μφ² of each mode, (3, n) [√kg], for φ = 1, x and y, μ the mass by area.
 
-        It is right to 1e-3 where the film is even; holes count as film.
+        It is right to 1e-3 where film and layers are even; holes count as film.
         """
         step, x, y, shapes = self._sampled
         inside = np.any(shapes != 0, axis=0)
-        film = self.model.film
-        area = film.density * film.thickness * step[0] * step[1]
+        mass = self._mass_by_area(x, y) * inside * step[0] * step[1]
         motions = [np.ones_like(inside, float), *np.meshgrid(x, y)]
         rows = [
-            np.tensordot(shapes, phi * inside, 2) / np.sqrt(np.sum(phi**2 * inside))
-            for phi in motions
+            np.tensordot(shapes, phi * mass, 2) / np.sqrt(np.sum(phi**2 * mass)) for phi in motions
         ]
-        return np.asarray(np.sqrt(area) * np.array(rows))
+        return np.array(rows)
+
+    def _mass_by_area(self, x: Array, y: Array) -> Array:
+        """Return Σρh of film and layers on a grid (n_y, n_x) [kg/m²]."""
+        film = self.model.film
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        mass = np.full(len(points), film.density * film.thickness)
+        for lamina in self.model.layers:
+            mass += lamina.density * lamina.thickness * covers(lamina, points)
+        return mass.reshape(len(y), len(x))
+
+    @cached_property
+    def area(self) -> Array:
+        """∫ξ² of each mode, (n,) [m²], where layers are kept; else empty, as then it is m/ρh."""
+        if not self.layered:
+            return np.empty(0)
+        film = self.model.film
+        return self.modes.effective_mass / (
+            load_of_layers(self.modes) * film.density * film.thickness
+        )
 
     @cached_property
     def _sampled(self) -> tuple[tuple[float, float], Array, Array, Array]:
@@ -189,28 +236,53 @@ class SimulatedFilm:
 
     @cached_property
     def layer(self) -> Array:
-        """Coefficients of each mode's k² as a cubic in ℓ [m], (4, n), lowest power first.
+        """Coefficients of each mode's k² as a polynomial in ℓ [m], (p, n), lowest power first.
 
-        It moves through the clamped edge alone.
+        It moves through the clamped edge and the rims of layers alone. The polynomial is a cubic
+        where no layers are kept.
         """
-        lengths = np.array(BENDING) * self.bending_length
-        rows = [self.modes.frequency if factor == 1 else self._solved(factor) for factor in BENDING]
+        factors = BENDING_OF_LAYERS if self.layered else BENDING
+        lengths = np.array(factors) * self.bending_length
+        rows = [self.modes.frequency if factor == 1 else self._solved(factor) for factor in factors]
         square = (2 * np.pi * np.array(rows) / self.speed) ** 2
         # Of k² + ℓ²k⁴ = (ω/c)²
         k2 = 2 * square / (1 + np.sqrt(1 + 4 * lengths[:, None] ** 2 * square))
-        powers = np.arange(len(BENDING))
+        powers = np.arange(len(factors))
         return np.asarray(
-            np.linalg.solve(np.array(BENDING)[:, None] ** powers, k2)
+            np.linalg.solve(np.array(factors)[:, None] ** powers, k2)
             / self.bending_length ** powers[:, None]
         )
 
+    @cached_property
+    def thicker(self) -> Array:
+        """What layers of thickness h(1 + t) add to K [N/m], by powers of t from 1, (p, n, n).
+
+        A polynomial through the film solved at `THICKER`; none where no layers are kept.
+        """
+        if not self.layered:
+            return np.empty((0, 1, 1))
+        own = np.diag(self.modes.stiffness)
+        rows = []
+        for part in THICKER:
+            layers = [
+                replace(one, thickness=(1 + part) * one.thickness) for one in self.model.layers
+            ]
+            changed = replace(self.model, layers=tuple(layers))
+            modes = solve_modes(changed, self.count, self._symmetry)
+            rows.append((effective_stiffness(self.modes, modes) - own).ravel())
+        powers = np.array(THICKER)[:, None] ** np.arange(1, len(THICKER) + 1)
+        return np.linalg.solve(powers, np.array(rows)).reshape(-1, self.count, self.count)
+
     def _solved(self, factor: float) -> Array:
-        film = (
-            replace(self.model.film, young=self.model.film.young * factor**2)
-            if factor
-            else self.model.film
-        )
-        stiffer = replace(self.model, film=film, bending=factor > 0)
+        """Return the frequencies [Hz] of a film as stiff in bending as ℓ times a factor makes it.
+
+        All moduli change alike, which leaves the stress after release as it is.
+        """
+        stiffer = replace(self.model, bending=factor > 0)
+        if factor > 0:
+            film = replace(stiffer.film, young=stiffer.film.young * factor**2)
+            layers = [replace(one, young=one.young * factor**2) for one in stiffer.layers]
+            stiffer = replace(stiffer, film=film, layers=tuple(layers))
         modes = solve_modes(stiffer, self.count, self._symmetry)
         names = dict(zip(modes.label, modes.frequency, strict=True))
         known = [name for name in self.modes.label if name is not None]
@@ -220,5 +292,5 @@ class SimulatedFilm:
 
     def frequency(self, speed: float, bending_length: float) -> Array:
         """Return the frequency of every mode [Hz] at another c [m/s] and ℓ [m]."""
-        k2 = bending_length ** np.arange(len(BENDING)) @ self.layer
+        k2 = bending_length ** np.arange(len(self.layer)) @ self.layer
         return np.asarray(speed / (2 * np.pi) * np.sqrt(k2 + bending_length**2 * k2**2))

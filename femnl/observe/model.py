@@ -197,6 +197,10 @@ class MeasurementModel(ABC):
         """Return the effects that can show in this measurement."""
         return [effect for effect in library if self.can_show(effect)]
 
+    def ruled_out(self, library: Iterable[Effect]) -> tuple[str, ...]:
+        """Return sentences on effects that this device rules out, though its kind can show them."""
+        return ()
+
     @abstractmethod
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Set the data beside what each model predicts, ready to be drawn."""

@@ -199,6 +199,10 @@ class NoisyModel(MeasurementModel):
         """Return those of the bare model."""
         return self.bare.usable_effects(library)
 
+    def ruled_out(self, library: Iterable[Effect]) -> tuple[str, ...]:
+        """Return those of the bare model."""
+        return self.bare.ruled_out(library)
+
     def can_show(self, effect: Effect) -> bool:
         """Whether the bare model can show it."""
         return self.bare.can_show(effect)

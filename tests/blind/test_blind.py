@@ -12,9 +12,11 @@ from femnl.effects import library
 from tests.blind.lab import Case, make
 
 SQUARE = "square-270um"
+DRUM = "metallised-drum"
 HEXAGON = "hexagon-278um"
 PERFORATED = "perforated"
 HIDDEN = [
+    Case("electrode", ("layer_thickness",), 2, DRUM),
     Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)),
     Case("spectrum", ("frequency_drift",), 5, SQUARE, (10.0, 60.0)),
     Case("spectrum", ("shear_stress",), 2, SQUARE, (20.0, 60.0)),
@@ -69,6 +71,7 @@ HIDDEN = [
     ),
 ]
 LACKING = [
+    Case("electrode", ("layer_thickness",), 1, DRUM),
     Case("decay", ("energy_exchange",), 1, SQUARE, (100.0, 200.0)),
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)),
     Case("series", ("thermal_stress",), 2),

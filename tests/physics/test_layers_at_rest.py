@@ -281,9 +281,9 @@ def test_bands_of_a_covered_film_are_plane_waves_of_its_laminate(kind: Any) -> N
         assert np.all(np.abs(frequency - omega / (2 * np.pi)) <= error)
 
 
-def test_bands_of_a_pad_are_refused_by_its_name() -> None:
+def test_bands_of_a_pad_that_does_not_repeat_are_refused_by_its_name() -> None:
     model = laminate(
         DISC, np.array([1e9, 1e8]), metal='shape = {kind = "circle", diameter = "9 um"}\n'
     )
-    with pytest.raises(ParameterError, match=r"\[layers\] 1 metal: bands take layers that cover"):
+    with pytest.raises(ParameterError, match=r"\[layers\] 1 metal: does not repeat with"):
         solve_bands(model, 2, lattice=Lattice("square", 8e-6))

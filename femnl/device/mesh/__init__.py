@@ -3,7 +3,7 @@
 from femnl.device.mesh.build import mesh
 from femnl.device.mesh.collect import distinct, from_patches
 from femnl.device.mesh.grading import bending_length
-from femnl.device.mesh.layers import covered
+from femnl.device.mesh.layers import covered, covers
 from femnl.device.mesh.symmetry import WEDGES, film_middle, has_symmetry
 from femnl.device.mesh.waves import shortest_wave, wave_at
 
@@ -11,6 +11,7 @@ __all__ = [
     "WEDGES",
     "bending_length",
     "covered",
+    "covers",
     "distinct",
     "film_middle",
     "from_patches",

@@ -23,6 +23,8 @@ GRID_STEPS = 1.5
 it, by up to 0.71 of a step."""
 CENTRED = 1e-9
 """Of the film's length, by which its middle may miss the origin by rounding."""
+ALONG = 12
+"""Points along each piece of a layer's rim whose mirror images are looked for on its rims."""
 WEDGES = {"full": FULL, "half": HALF, "quarter": QUARTER, "eighth": EIGHTH, "twelfth": TWELFTH}
 
 
@@ -72,15 +74,11 @@ def has_symmetry(model: Model, wedge: float) -> bool:
         model = moved(model, -middle)
     points = [_key_points(model.outline), model.holes.centres, _opening_points(model)]
     points += [] if model.overhang is None else [_key_points(model.overhang.outline)]
-    points += [
-        np.concatenate([_key_points(rim) for rim in lamina.rims])
-        for lamina in model.layers
-        if lamina.rims
-    ]
     # A slope of the thickness is its own image where the film's thickness is everywhere, to the
     # same part.
     slope = np.array([model.film.gradient]) * model.outline.length**2 / model.film.thickness
     drawn = all(_is_mirrored(p, a, tolerance) for p in points for a in angles)
+    drawn = drawn and all(_mirrors_layers(model, a, tolerance) for a in angles)
     return drawn and all(_is_mirrored(slope, a, 1e-6 * model.outline.length) for a in angles)
 
 
@@ -127,11 +125,33 @@ def _opening_points(model: Model) -> Array:
     return np.concatenate(rows)
 
 
+def _mirrors_layers(model: Model, angle: float, tolerance: float) -> bool:
+    """Whether the image of each layer's rims lies on its rims, as far as they lie on the film."""
+    along = np.linspace(0, 1, ALONG)
+    for lamina in model.layers:
+        segments = [segment for rim in lamina.rims for segment in rim.segments]
+        if not segments:
+            continue
+        points = np.concatenate([curves.point_at(segment, along) for segment in segments])
+        inside = curves.contains(model.edge_outline, points)
+        inside &= curves.distance(model.edge_outline, points) > tolerance
+        image = points[inside] @ _mirror(angle)
+        away = np.min([curves.distance(rim, image) for rim in lamina.rims], axis=0)
+        if np.any(away > tolerance):
+            return False
+    return True
+
+
+def _mirror(angle: float) -> Array:
+    """Return the mirror image (2, 2) about a line through the origin at an angle."""
+    c = np.cos(2 * angle)
+    s = np.sin(2 * angle)
+    return np.array([[c, s], [s, -c]])
+
+
 def _is_mirrored(points: Array, angle: float, tolerance: float) -> bool:
     if len(points) == 0:
         return True
-    c = np.cos(2 * angle)
-    s = np.sin(2 * angle)
     image = points.copy()
-    image[:, :2] = points[:, :2] @ np.array([[c, s], [s, -c]])
+    image[:, :2] = points[:, :2] @ _mirror(angle)
     return bool(np.all(cKDTree(points).query(image)[0] < tolerance))

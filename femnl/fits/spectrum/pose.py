@@ -30,6 +30,8 @@ ATMOSPHERE = 1.05e5
 """Highest pressure [Pa] of a gas where the file gives none."""
 FARTHEST = 4.0
 """How many of those ℓ may deviate."""
+ONE_LOSS = "spectrum: one loss angle of bending stands for the film and its layers"
+"""What a diagnosis tells of quality factors where layers lie on the film."""
 LATTICE = 4
 """Least number of holes that make a lattice."""
 
@@ -99,12 +101,14 @@ def pose(
             "highest_pressure": pressure or ATMOSPHERE,
             "crossing_time": crossing_time(film.model.outline),
             **({"gap": film.gap} if np.isfinite(film.gap) else {}),
+            **({"layer_thickness": 1.0} if film.layered else {}),
             **({"quality_factor": 1.0} if rated.any() else {}),
             **(_gas(film, float(frequency.min()), pressure) if pressure else {}),
         },
         notes=(
             f"spectrum: {told}, {known}; side, stress and density enter only through c/L",
             *film.notes,
+            *([ONE_LOSS] if film.layered and rated.any() else []),
         ),
         quality_factor=quality,
         quality_factor_sd=quality_sd,

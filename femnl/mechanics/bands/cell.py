@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, diags_array
 from scipy.spatial import cKDTree
-from skfem import MeshTri2
 
 from femnl.core.device import Model
 from femnl.core.domain import Domain, Prestress
@@ -122,10 +121,10 @@ def periodic(domain: Domain, lattice: Lattice, prestress: Prestress, degree: int
     opposite = classes[find(-place[kept])]
     seams = []
     if domain.model.bending:
-        sheet = Sheet(domain)
         for step in lattice.steps:
             strip, facets = _strip(domain, step)
-            space = Space(strip, degree)
+            sheet = Sheet(strip)
+            space = Space(strip.mesh, degree)
             seam = Assembly(space.size)
             for local, dofs in slope_continuity(
                 space, facets, sheet.bending, sheet.largest_poisson
@@ -150,8 +149,11 @@ def _finder(place: Array, pitch: float) -> Callable[[Array], Index]:
     return find
 
 
-def _strip(domain: Domain, step: Array) -> tuple[MeshTri2, Index]:
-    """Return triangles on both sides of the side that a step of the lattice crosses, and facets."""
+def _strip(domain: Domain, step: Array) -> tuple[Domain, Index]:
+    """Return triangles on both sides of the side that a step of the lattice crosses, and facets.
+
+    Layers cover the triangles of the neighbour as they cover their images in the cell.
+    """
     grid = domain.mesh
     pitch = float(np.linalg.norm(step))
     sides = np.asarray((grid.boundaries or {})["clamped"])
@@ -159,7 +161,12 @@ def _strip(domain: Domain, step: Array) -> tuple[MeshTri2, Index]:
     patches = np.asarray(grid.doflocs).T[Space(grid, 2).dofs]
     here, there = (grid.f2t[0, sides[np.abs(across - place) < JOIN]] for place in (0.5, -0.5))
     strip = from_patches(np.concatenate([patches[here], patches[there] + step]))
-    return strip, np.flatnonzero(
+    images = np.concatenate([here, there])
+    covers = {
+        name: np.flatnonzero(np.isin(images, triangles))
+        for name, triangles in (grid.subdomains or {}).items()
+    }
+    return replace(domain, mesh=replace(strip, _subdomains=covers)), np.flatnonzero(
         (strip.f2t[1] >= 0)
         & (np.abs(strip.p[:, strip.facets].mean(axis=1).T @ step / pitch**2 - 0.5) < JOIN)
     )

@@ -3,10 +3,11 @@
 Holes that break the lattice, such as those of a defect, are few and left out.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
@@ -14,8 +15,10 @@ from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves
+from femnl.device.geometry.openings import polygon
 from femnl.device.geometry.placing import placed
 from femnl.device.mesh import WEDGES, has_symmetry
+from femnl.mechanics.bands.cell_layers import Frame, cell_layers, film_frame, need_repeating
 from femnl.mechanics.bands.lattice import Cell, Lattice, Symmetry
 
 Array = NDArray[np.float64]
@@ -53,7 +56,8 @@ def find_cell(model: Model) -> Cell:
     """Return the cell that repeats in a device, turned so that a row of its lattice runs along x.
 
     Raises: ParameterError where holes lie on no square or hexagonal lattice, are less than four,
-    or make a cell without the mirror lines of a square or a hexagon.
+    or make a cell without the mirror lines of a square or a hexagon, and where a layer does not
+    repeat with the holes.
     """
     inner = _inner(model)
     if len(inner.centres) < 4:
@@ -72,15 +76,103 @@ def find_cell(model: Model) -> Cell:
         raise ParameterError(
             f"{model.name}: holes: bands need a lattice whose holes are all free; leave clamped out"
         )
-    for cell in _cells(basis, lattice):
-        device = cell.of(model)
-        words: tuple[Symmetry, ...] = ("twelfth",) if lattice.turns == 6 else ("eighth", "quarter")
-        for word in words:
-            if has_symmetry(device, WEDGES[word]):
-                return replace(cell, symmetry=word)
-    raise ParameterError(
+    frame = film_frame(model, lattice, angle)
+    centres = _turned(inner, -angle).centres
+    need_repeating(model, frame, _spanned(model, frame, centres), single=False)
+    for candidate in _cells(basis, lattice, frame):
+        mirrored = _with_mirrors(candidate.layered(model), model)
+        if mirrored is not None:
+            return mirrored
+    raise _no_mirrors(model, list(_cells(basis, lattice, frame)))
+
+
+def given_cell(model: Model, lattice: Lattice) -> Cell:
+    """Return the cell of a lattice that is given, with one of the device's holes in its middle.
+
+    The hole nearest to the middle of the film, or none. Layers lie about it as they do on the film.
+
+    Raises: ParameterError for a device with holes of several kinds, and for layers that do not
+    repeat or lack the cell's mirror lines.
+    """
+    if model.openings:
+        raise ParameterError(
+            f"{model.name}: holes: a lattice that is given takes holes that are all round, free "
+            "and of one radius"
+        )
+    centres = model.holes.centres
+    if len(centres) > 0 and not 2 * model.holes.radius < lattice.pitch:
+        raise ParameterError(
+            f"pitch = {lattice.pitch:g} m: expected more than the diameter "
+            f"{2 * model.holes.radius:g} m of the holes"
+        )
+    frame = film_frame(model, lattice, 0.0)
+    if len(centres) > 0:
+        nearest = np.argmin(np.hypot(*(centres - frame.origin).T))
+        frame = replace(frame, origin=centres[nearest])
+    need_repeating(model, frame, _spanned(model, frame, centres), single=True)
+    holes = Holes(np.zeros((min(len(centres), 1), 2)), model.holes.radius)
+    candidate = _Candidate(Cell(lattice, holes), frame)
+    mirrored = _with_mirrors(candidate.layered(model), model)
+    if mirrored is None:
+        raise _no_mirrors(model, [candidate])
+    return mirrored
+
+
+def _spanned(model: Model, frame: Frame, centres: Array) -> shapely.Geometry:
+    """Return what holes at centres (n, 2) [m] of the turned device span, in a frame.
+
+    The film, where it is less than a cell: beyond its outermost holes a lattice need not go on.
+    """
+    hull: shapely.Geometry = shapely.MultiPoint(centres - frame.origin).convex_hull
+    cell = shapely.Polygon(frame.lattice.corners)
+    if hull.area > (1 - EVEN) * cell.area:
+        return hull
+    return polygon(frame.of(model.outline))
+
+
+def _with_mirrors(cell: Cell, model: Model) -> Cell | None:
+    """Return the cell with the word for its mirror lines, or None where it lacks them."""
+    device = cell.of(model)
+    words: tuple[Symmetry, ...] = ("twelfth",)
+    if cell.lattice.turns == 4:
+        words = ("eighth", "quarter")
+    for word in words:
+        if has_symmetry(device, WEDGES[word]):
+            return replace(cell, symmetry=word)
+    return None
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A cell without layers, which may have mirror lines, and where it lies on the device."""
+
+    bare: Cell
+    frame: Frame
+
+    def layered(self, model: Model) -> Cell:
+        """Return the cell with the layers of a device."""
+        return replace(self.bare, layers=cell_layers(model, self.frame))
+
+
+def _no_mirrors(model: Model, candidates: Sequence[_Candidate]) -> ParameterError:
+    """Return an error that names a layer for which no cell has mirror lines, else the holes."""
+    lattice = candidates[0].frame.lattice
+    wanted = "along x and y" if lattice.turns == 4 else "at every 30°"
+    if any(_with_mirrors(candidate.bare, model) for candidate in candidates):
+        for number, lamina in enumerate(model.layers, start=1):
+            alone = replace(model, layers=(lamina,))
+            if not any(_with_mirrors(one.layered(alone), model) for one in candidates):
+                return ParameterError(
+                    f"{model.name}: [layers] {number} {lamina.name}: lacks mirror lines {wanted} "
+                    f"in the cell of the {lattice.kind} lattice; bands need them"
+                )
+        return ParameterError(
+            f"{model.name}: [layers]: together they lack mirror lines {wanted} in the cell of the "
+            f"{lattice.kind} lattice; bands need them"
+        )
+    return ParameterError(
         f"{model.name}: holes: the cell of their {lattice.kind} lattice lacks mirror lines "
-        f"{'along x and y' if lattice.turns == 4 else 'at every 30°'}; bands need them"
+        f"{wanted}; bands need them"
     )
 
 
@@ -170,7 +262,7 @@ def _basis(inner: _Inner, lattice: Lattice) -> _Inner:
     return _Inner(inner.centres[kept], inner.look[kept], tuple(inner.shapes[k] for k in kept))
 
 
-def _cells(basis: _Inner, lattice: Lattice) -> Iterator[Cell]:
+def _cells(basis: _Inner, lattice: Lattice, frame: Frame) -> Iterator[_Candidate]:
     """Cells about the points that may be centres of symmetry: holes first, then points between."""
     steps = lattice.steps[:2]
     halves = [(0, 0), (1 / 2, 0), (0, 1 / 2), (1 / 2, 1 / 2)]
@@ -178,7 +270,8 @@ def _cells(basis: _Inner, lattice: Lattice) -> Iterator[Cell]:
     between = (basis.centres[:, None] + basis.centres[None]).reshape(-1, 2) / 2
     for offset in (*halves, *thirds):
         for place in (*basis.centres, *between):
-            yield _cell_about(basis, lattice, place + offset @ steps)
+            origin = place + offset @ steps
+            yield _Candidate(_cell_about(basis, lattice, origin), frame.about(origin))
 
 
 def _cell_about(basis: _Inner, lattice: Lattice, origin: Array) -> Cell:

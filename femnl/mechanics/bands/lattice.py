@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Clamp, Model
-from femnl.core.errors import ParameterError
+from femnl.core.device import Clamp, Lamina, Model
 from femnl.core.outline import CELL, Holes, Outline, Segment
 
 Array = NDArray[np.float64]
@@ -91,13 +90,15 @@ class Cell:
     """What repeats on a lattice, about the origin.
 
     holes, openings: all that reach into the cell, also those that its sides cut. symmetry: the part
-    of it, in words of `device.mesh`, of which mirror lines make the whole.
+    of it, in words of `device.mesh`, of which mirror lines make the whole. layers: those of the
+    device, with the rims that reach into the cell.
     """
 
     lattice: Lattice
     holes: Holes
     openings: tuple[Outline, ...] = ()
     symmetry: Symmetry = "eighth"
+    layers: tuple[Lamina, ...] = ()
 
     @property
     def points(self) -> dict[str, Array]:
@@ -123,19 +124,7 @@ class Cell:
         return np.array(found)
 
     def of(self, model: Model) -> Model:
-        """Return the cell as a device of the same even film, whose outline is the cell's sides.
-
-        Layers that cover the whole film cover the cell.
-
-        Raises:
-            ParameterError: a layer with a shape, which need not repeat with the cell.
-        """
-        for number, lamina in enumerate(model.layers, start=1):
-            if lamina.rims:
-                raise ParameterError(
-                    f"{model.name}: [layers] {number} {lamina.name}: bands take layers that cover "
-                    "the whole film; leave its shape out, or the layer"
-                )
+        """Return the cell as a device of the same even film, whose outline is the cell's sides."""
         corners = [(float(x), float(y)) for x, y in self.lattice.corners]
         sides = [Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         length = 2 * float(np.abs(self.lattice.corners).max())
@@ -144,6 +133,7 @@ class Cell:
             outline=Outline(CELL, tuple(sides), None, length),
             holes=self.holes,
             openings=self.openings,
+            layers=self.layers,
             film=replace(model.film, gradient=(0.0, 0.0)),
             overhang=None,
             clamp=Clamp(),

@@ -12,10 +12,9 @@ from femnl.core.discretisation_error import remainder
 from femnl.core.domain import Prestress
 from femnl.core.errors import ParameterError
 from femnl.core.modes import STEADY
-from femnl.core.outline import Holes
 from femnl.mechanics.bands.cell import Periodic, cell_domain, periodic
-from femnl.mechanics.bands.find import find_cell
-from femnl.mechanics.bands.lattice import Cell, Lattice
+from femnl.mechanics.bands.find import find_cell, given_cell
+from femnl.mechanics.bands.lattice import Lattice
 from femnl.mechanics.bands.spectrum import lowest_eigenvalues
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells, quadrature_order
@@ -93,13 +92,16 @@ def solve_bands(
     Returns: Bands.
     Raises: ParameterError, GeometryError, ConvergenceError.
     Valid: far from the edge; gradients of the thickness, overhangs and elastic edges are left out.
+        A layer covers the same part of every cell; where the lattice is given, one that lies in the
+        cell about the hole, or about the middle of the film, lies in every cell.
     Source: Bloch's theorem; Brillouin, Wave Propagation in Periodic Structures (1946). Held against
         folded plane waves, standing waves of many cells and the constants of the even film by
-        tests/physics/test_bands.py.
+        tests/physics/test_bands.py, and with layers against transfer matrices, plane waves and
+        hinged films by tests/physics/test_bands_of_layers.py.
     """
     if count < 1 or steps < 1:
         raise ParameterError(f"count = {count}, steps = {steps}: expected at least one of each")
-    cell = find_cell(model) if lattice is None else _cell_of(model, lattice)
+    cell = find_cell(model) if lattice is None else given_cell(model, lattice)
     lattice = cell.lattice
     places, corners = (
         lattice.path(steps, cell.points) if wave is None else (np.asarray(wave, dtype=float), ())
@@ -137,25 +139,6 @@ def solve_bands(
         found[0][n:],
         error[n:],
     )
-
-
-def _cell_of(model: Model, lattice: Lattice) -> Cell:
-    """The cell of a lattice that is given, with one of the device's holes in its middle, or none.
-
-    Raises: ParameterError for a device with holes of several kinds.
-    """
-    if model.openings:
-        raise ParameterError(
-            f"{model.name}: holes: a lattice that is given takes holes that are all round, free "
-            "and of one radius"
-        )
-    if len(model.holes.centres) > 0 and not 2 * model.holes.radius < lattice.pitch:
-        raise ParameterError(
-            f"pitch = {lattice.pitch:g} m: expected more than the diameter "
-            f"{2 * model.holes.radius:g} m of the holes"
-        )
-    holes = Holes(np.zeros((min(len(model.holes.centres), 1), 2)), model.holes.radius)
-    return Cell(lattice, holes, symmetry="eighth" if lattice.turns == 4 else "twelfth")
 
 
 def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, square: float) -> Array:

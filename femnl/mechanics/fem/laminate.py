@@ -1,4 +1,4 @@
-"""A film that layers cover evenly, as a film of one material."""
+"""A film with layers as fits and causes take it: as a film of one material, or as it is."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from femnl.core.device import Film, Model
 from femnl.core.errors import ParameterError
 from femnl.core.geometry_text import film_values, with_values, without_layers
 from femnl.mechanics.fem.forms import plane_stress
-from femnl.mechanics.fem.offset import covers_evenly, ends_free, plies
+from femnl.mechanics.fem.offset import covers_evenly, ends_free, plies, tension_offset
 
 
 def one_material(model: Model) -> Model:
@@ -31,6 +31,35 @@ def one_material(model: Model) -> Model:
     return model.reader(with_values(without_layers(model.text), film, model.name))
 
 
+def keeps_layers(model: Model) -> bool:
+    """Whether a spectrum is compared with the layers themselves, as one of them has a shape."""
+    return any(lamina.rims for lamina in model.layers)
+
+
+def as_in_spectra(model: Model) -> Model:
+    """Return the device with which a spectrum is compared.
+
+    Layers with a shape stay as they lie on the film; others are taken for `one_material` with it.
+
+    Raises: ParameterError where the film may bend at rest from its edges.
+    """
+    if not keeps_layers(model):
+        return one_material(model)
+    _need_held(model)
+    return model
+
+
+def told_of_layers(model: Model) -> str:
+    """Return a sentence on what c, ℓ and stress mean for a film that `keeps_layers`."""
+    names = ", ".join(lamina.name for lamina in model.layers)
+    bent = abs(tension_offset(model))
+    return (
+        f"{model.name}: layers lie on the film as its geometry says ({names}); c, ℓ and stress are "
+        "those of the film without them, and densities and moduli of the layers go with its own; "
+        f"modes are those of the flat film, which at rest is bent by about {bent * 1e9:.2g} nm"
+    )
+
+
 def _need_even_and_flat(model: Model) -> None:
     for number, lamina in enumerate(model.layers, start=1):
         if lamina.rims:
@@ -44,6 +73,10 @@ def _need_even_and_flat(model: Model) -> None:
             f"{model.name}: [film]: fits and causes act on a film of one material, which stands "
             "for layers on an even film only; leave taper and gradient out, or the layers"
         )
+    _need_held(model)
+
+
+def _need_held(model: Model) -> None:
     if ends_free(model):
         raise ParameterError(
             f"{model.name}: [layers]: their stresses bend the film at rest from its free or "

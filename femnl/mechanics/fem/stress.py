@@ -46,14 +46,17 @@ def relaxed_tension(prestress: Prestress, order: int) -> list[Array]:
 def unit_stress(domain: Domain, units: Units, order: int) -> Iterator[Array]:
     """What is left of a film stress of each of `WEIGHTS` times each of `DIRECTIONS`, as above.
 
-    (6, 3, e, q, 3) [1], where xy stands for 1 in xy and in yx.
+    (6, 3, e, q, 3) [1], where xy stands for 1 in xy and in yx. Where layers lie, it is the tension
+    that is left in film and layers together, by the thickness of the film.
     """
     sheet = Sheet(domain)
     shape = units.displacement.shape[:2]
     displacements = units.displacement.reshape(-1, units.displacement.shape[-1])
     for cell, strain in _strains(domain, units.degree, displacements, order):
         own = weights(np.moveaxis(cell.jet.point, -1, 0) / units.reach)[:, None, ..., None]
-        moved = (strain[..., None, :] @ sheet.moduli(cell.triangles))[..., 0, :]
+        where = (cell.triangles, cell.jet.point)
+        moduli = sheet.membrane(*where) / sheet.thickness(*where)[..., None, None]
+        moved = (strain[..., None, :] @ moduli)[..., 0, :]
         yield own * np.eye(shape[1])[:, None, None] + moved.reshape(*shape, *moved.shape[1:])
 
 

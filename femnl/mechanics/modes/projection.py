@@ -57,7 +57,7 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
         value = (cell.jet.value @ local).reshape(-1, n)
         slope = cell.jet.gradient @ local[:, None]
         volume = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-        mass = sheet.density(cell.triangles) * volume
+        mass = sheet.inertia(cell.triangles, cell.jet.point) * cell.dx
         pull = (SHARE * volume[..., None])[..., None, None]
         for k, weight in enumerate(weights(np.moveaxis(cell.jet.point, -1, 0) / reach)):
             masses[k] += value.T @ ((weight * mass).reshape(-1, 1) * value)

@@ -73,7 +73,7 @@ def solve_quality(modes: Modes, pressure: float = 0.0) -> Quality:
     share = 1 / factor[None]
     spread = error * share**2
     if model.layers:
-        gas = gas / _load(modes)
+        gas = gas / load_of_layers(modes)
         share, spread = _shares(modes)
     mean, low, high = (
         np.array([own, *(lamina.quality for lamina in model.layers)])[:, None] for own in intrinsic
@@ -126,7 +126,7 @@ def _shares(modes: Modes) -> tuple[Array, Array]:
     return grades[0], np.stack(errors)
 
 
-def _load(modes: Modes) -> Array:
+def load_of_layers(modes: Modes) -> Array:
     """Return by what factor (n,) layers raise the inertia of each mode above that of the film."""
     domain = modes.domain
     bare = replace(domain, model=replace(domain.model, layers=()))

@@ -14,7 +14,7 @@ from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import as_matrix, cells, local_matrices, quadrature_order, slope
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import Solve, factorize
-from femnl.mechanics.fem.stress import relaxed_stress, unit_stress
+from femnl.mechanics.fem.stress import relaxed_tension, unit_stress
 from femnl.mechanics.fem.supports import free_deflections
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.prestress import YieldingEdges, solve_prestress
@@ -145,15 +145,13 @@ class Sectors:
         Args: chosen: which edges; −1 is the film stress as deposited.
         """
         edge = self._relaxed(edges.degree)
-        before = relaxed_stress(edge, self.order)
-        sheet = Sheet(self.domain)
+        before = relaxed_tension(edge, self.order)
         for k in chosen:
             displacement = edges.displacement[k] if k >= 0 else np.zeros_like(edges.displacement[0])
-            after = relaxed_stress(Prestress(self.domain, edges.degree, displacement), self.order)
+            after = relaxed_tension(Prestress(self.domain, edges.degree, displacement), self.order)
             total = self._spanned.gathering()
             for cell, new, old in zip(cells(self._fine, self.order), after, before, strict=True):
-                volume = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-                local = local_matrices(slope(cell.jet), as_matrix(new - old), volume)
+                local = local_matrices(slope(cell.jet), as_matrix(new - old), cell.dx)
                 total.add(local, cell.triangles)
             yield self._alike(total.total(), (1,) * len(self.sectors[0]))
 

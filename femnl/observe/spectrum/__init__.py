@@ -21,6 +21,7 @@ KIND = KindSpec(
             "gas_loss",
             "highest_pressure",
             "layer_square",
+            "layer_thickness",
             "mass",
             "pitch_square",
             "pressure",

@@ -4,7 +4,7 @@ Without any effect each mode loses what its bending does: 1/Q = s φ, with the p
 that is bending and one loss angle φ of the material.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -84,6 +84,21 @@ class SpectrumModel(MeasurementModel):
     def _bare(self) -> Callable[[float, float], tuple[Array, Array, ModalSystem]]:
         """The unchanged film at the latest speeds and bending lengths."""
         return recent(self._unchanged)
+
+    def can_show(self, effect: Effect) -> bool:
+        """Whether an effect acts on spectra, its needs are met, and its equation holds."""
+        return super().can_show(effect) and not (self.film.layered and effect.one_material)
+
+    def ruled_out(self, library: Iterable[Effect]) -> tuple[str, ...]:
+        """Name the effects whose equations hold for films of one material, where layers lie."""
+        if not self.film.layered:
+            return ()
+        shown = super().can_show
+        names = [effect.name for effect in library if effect.one_material and shown(effect)]
+        if not names:
+            return ()
+        listed = ", ".join(names)
+        return (f"spectrum: left out, as they are known for films of one material alone: {listed}",)
 
     @property
     def blocks(self) -> NDArray[np.int64]:
@@ -273,6 +288,8 @@ class SpectrumModel(MeasurementModel):
             self.film.gap,
             self.film.airload,
             speed_known=self.known_speed is not None,
+            area=self.film.area,
+            thicker=self.film.thicker,
         )
         return plain, mass, system
 

@@ -13,7 +13,18 @@ from typing import Any
 import numpy as np
 
 from femnl.io import measurement
-from tests.blind.lab import decay, holes, joint, maps, record, response, series, spectrum, trace
+from tests.blind.lab import (
+    decay,
+    electrode,
+    holes,
+    joint,
+    maps,
+    record,
+    response,
+    series,
+    spectrum,
+    trace,
+)
 from tests.blind.lab.bench import Bench, Cause, sized
 from tests.blind.lab.film import device
 
@@ -23,6 +34,7 @@ WEAK = (0.7, 8.0)
 KINDS: dict[str, Any] = {
     "spectrum": spectrum,
     "holes": holes,
+    "electrode": electrode,
     "response": response,
     "map": maps,
     "series": series,
@@ -32,12 +44,13 @@ KINDS: dict[str, Any] = {
     "lasers": joint.Lasers,
     "device": joint.Device,
 }
-"""What is in a file: one measurement (holes: a spectrum of a film with holes), but maps under two
-lasers, and spectrum and sweeps.
+"""What is in a file: one measurement (holes, electrode: a spectrum of a film with them), but maps
+under two lasers, and spectrum and sweeps.
 """
 GEOMETRIES = {
     "spectrum": ("square-270um", "rectangle", "hexagon-278um"),
     "holes": ("perforated",),
+    "electrode": ("metallised-drum",),
     "response": ("square-270um",),
     "map": ("square-270um", "rectangle", "hexagon-278um", "perforated"),
     "series": ("square-270um",),

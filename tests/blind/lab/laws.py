@@ -107,6 +107,9 @@ LAWS: dict[str, dict[str, str]] = {
         "trapped_gas": WAVES,
         "yielding_edge": WAVES,
     },
+    "electrode": {
+        "layer_thickness": WAVES,
+    },
     "response": {
         "crosstalk": "standing waves in the cables colour it",
         "detector_saturation": "a smooth knee",
