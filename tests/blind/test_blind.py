@@ -34,7 +34,9 @@ HIDDEN = [
     Case("response", ("nonlinear_damping",), 381253685),  # a sweep jumps just behind a point
     Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)),
     pytest.param(Case("map", ("multilayer_fringe",), 2, SQUARE), marks=pytest.mark.slow),
-    Case("map", ("stage_rotation", "static_bow"), 30, PERFORATED),
+    pytest.param(
+        Case("map", ("stage_rotation", "static_bow"), 30, PERFORATED), marks=pytest.mark.slow
+    ),
     # Two lasers show the film on opposite sides, as phases that electronics delay do not tell.
     pytest.param(Case("lasers", ("phase_tilt",), 1610781902, "rectangle"), marks=pytest.mark.slow),
     pytest.param(
@@ -55,7 +57,7 @@ HIDDEN = [
     Case("series", ("optical_spring",), 2),
     Case("spectrum", ("gas_loading",), 4, "rectangle"),
     Case("spectrum", ("gas_damping",), 1),
-    Case("spectrum", ("clamp_loss",), 2, "rectangle"),
+    pytest.param(Case("spectrum", ("clamp_loss",), 2, "rectangle"), marks=pytest.mark.slow),
     Case("spectrum", ("frame_mode",), 4, "rectangle"),
     # Alone, the particle is found in another place than beside the other cause.
     pytest.param(
@@ -71,7 +73,7 @@ HIDDEN = [
     ),
 ]
 LACKING = [
-    Case("electrode", ("layer_thickness",), 1, DRUM),
+    pytest.param(Case("electrode", ("layer_thickness",), 1, DRUM), marks=pytest.mark.slow),
     Case("decay", ("energy_exchange",), 1, SQUARE, (100.0, 200.0)),
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)),
     Case("series", ("thermal_stress",), 2),

@@ -92,6 +92,7 @@ def test_four_sides_cancel_far_away() -> None:
     assert near / far == pytest.approx(4, rel=0.02)
 
 
+@pytest.mark.slow
 def test_section_and_sides_agree_with_the_solid() -> None:
     """The film over the gap is made soft, as the section knows none."""
     device = load("square-270um-perforated")

@@ -92,6 +92,7 @@ def test_only_circles_are_round() -> None:
     assert not is_round(load("hexagon-278um").outline)
 
 
+@pytest.mark.slow
 def test_modes_without_the_lowest_one_are_those_of_an_ideal_drum(tmp_path: Path) -> None:
     named = [(1, 1), (2, 1), (0, 2), (3, 1), (1, 2)]
     frequency = np.array([jn_zeros(m, n)[-1] for m, n in named]) * 40.0
