@@ -75,6 +75,8 @@ def solve_modes(
     resolution: float = 1.0,
     cache: bool = True,
     degree: int = DEGREE,
+    *,
+    tell: bool = True,
 ) -> Modes:
     """Solve the modes of a device.
 
@@ -85,7 +87,8 @@ def solve_modes(
         `femnl.device.mesh.mesh`; where symmetry is `auto`, a rectangle with a rectangular array of
         holes is put together from condensed cells. degree: of the elements.
         cache: take an earlier solution of the same device, options and code from disk, and keep
-            this one there.
+            this one there. tell: whether to say how far layers bend the film at rest; not where
+            that is said elsewhere.
     Returns: Modes with `coarse`, the solution of one degree less, which has that of two where it
         exists, and so with `frequency_error`, `ratio_error` and `effective_mass_error`. Meshes that
         are too coarse to tell the errors of all modes are refined.
@@ -99,7 +102,7 @@ def solve_modes(
         return with_counterparts(model, road, count, SPARE, degree)
 
     options = (count, symmetry, resolution, degree)
-    return _alone(model, options, at_resolution, resolution, cache)
+    return _alone(model, options, at_resolution, resolution, cache, tell)
 
 
 def solve_release(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Modes:
@@ -164,10 +167,12 @@ def _alone(
     at_resolution: Callable[[float], Modes],
     resolution: float,
     cache: bool,
+    tell: bool = True,
 ) -> Modes:
     """Take modes from the cache or solve them, on one thread.
 
-    Args: at_resolution: solves them at a resolution, or at a higher one than asked for.
+    Args: at_resolution: solves them at a resolution, or at a higher one than asked for. tell:
+        whether to say how far layers bend the film at rest.
     """
     from femnl.mechanics.compression import say_what_is_compressed
     from femnl.mechanics.fem.offset import say_what_bends
@@ -181,7 +186,8 @@ def _alone(
             return certified(model, at_resolution, resolution)
 
     found = cached_modes(model, options, solve_alone) if cache else solve_alone()
-    say_what_bends(model)  # of modes that there are: a refusal is one line
+    if tell:
+        say_what_bends(model)  # of modes that there are: a refusal is one line
     say_what_is_compressed(found)
     return found
 

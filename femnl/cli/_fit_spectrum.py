@@ -112,13 +112,15 @@ def film(
 
 def _modes_up_to(device: Model, highest: float, cache: bool) -> Modes:
     """Return so many modes that the simulation reaches a little beyond the highest measured one."""
+    from femnl.mechanics.fem.laminate import keeps_layers
     from femnl.pipeline import solve_modes
 
     count = _FIRST
-    modes = solve_modes(device, count, cache=cache)
+    tell = not keeps_layers(device)  # else a note of the fit says it
+    modes = solve_modes(device, count, cache=cache, tell=tell)
     while modes.frequency[-1] < _BEYOND * highest and count < _MOST:
         count = min(2 * count, _MOST)
-        modes = solve_modes(device, count, cache=cache)
+        modes = solve_modes(device, count, cache=cache, tell=tell)
     return modes
 
 

@@ -110,7 +110,8 @@ class SimulatedFilm:
                 "spectra alone are modelled with layers; leave them out, or take the geometry of "
                 "an equivalent film"
             )
-        return solve_modes(self.model, self.count, self._symmetry)
+        # How far layers bend the film is among the notes
+        return solve_modes(self.model, self.count, self._symmetry, tell=not self.layered)
 
     @property
     def _symmetry(self) -> str:
@@ -268,7 +269,7 @@ class SimulatedFilm:
                 replace(one, thickness=(1 + part) * one.thickness) for one in self.model.layers
             ]
             changed = replace(self.model, layers=tuple(layers))
-            modes = solve_modes(changed, self.count, self._symmetry)
+            modes = solve_modes(changed, self.count, self._symmetry, tell=False)
             rows.append((effective_stiffness(self.modes, modes) - own).ravel())
         powers = np.array(THICKER)[:, None] ** np.arange(1, len(THICKER) + 1)
         return np.linalg.solve(powers, np.array(rows)).reshape(-1, self.count, self.count)
@@ -283,7 +284,7 @@ class SimulatedFilm:
             film = replace(stiffer.film, young=stiffer.film.young * factor**2)
             layers = [replace(one, young=one.young * factor**2) for one in stiffer.layers]
             stiffer = replace(stiffer, film=film, layers=tuple(layers))
-        modes = solve_modes(stiffer, self.count, self._symmetry)
+        modes = solve_modes(stiffer, self.count, self._symmetry, tell=False)
         names = dict(zip(modes.label, modes.frequency, strict=True))
         known = [name for name in self.modes.label if name is not None]
         if len(set(known)) == self.count and set(known) == set(names):
