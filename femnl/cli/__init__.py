@@ -28,10 +28,21 @@ def main() -> None:
     try:
         # Loaded here, so that an interrupt while libraries load is met like any other.
         status = import_module("femnl.cli._main").run(sys.argv[1:] or ["--help"])
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Exception) as error:
+        if not _is_interrupt(error):
+            raise
         sys.stderr.write(LINE)
         status = INTERRUPTED
     sys.exit(status)
+
+
+def _is_interrupt(error: BaseException) -> bool:
+    """Whether an exception is an interrupt.
+
+    One that comes while ctypes converts an argument, as of a mesher's function, is an ArgumentError
+    whose text names it.
+    """
+    return isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
 
 
 def _need_streams() -> None:

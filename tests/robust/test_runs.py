@@ -44,6 +44,34 @@ def test_a_rerun_gives_the_same_bits_and_more_threads_the_same_numbers(tmp_path:
         )
 
 
+@pytest.mark.parametrize(
+    ("text", "status"), [("argument 3: KeyboardInterrupt: ", 130), ("argument 3: TypeError: ", 1)]
+)
+def test_an_interrupt_while_an_argument_is_converted_is_one_line(
+    tmp_path: Path, text: str, status: int
+) -> None:
+    program = f"""
+import ctypes, sys, types
+import femnl.cli
+
+def run(words):
+    raise ctypes.ArgumentError({text!r})
+
+sys.modules["femnl.cli._main"] = types.SimpleNamespace(run=run)
+femnl.cli.main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=environment(tmp_path),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == status
+    one_line = done.stderr == "femnl: interrupted; nothing was left half-written\n"
+    assert one_line == (status == 130)
+
+
 @pytest.mark.parametrize("seconds", [1.5, 9.0])
 def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path, seconds: float) -> None:
     command = [
