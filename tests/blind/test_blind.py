@@ -55,7 +55,7 @@ HIDDEN = [
     Case("series", ("trapped_gas",), 1),
     Case("series", ("electrostatic_softening",), 1),
     Case("series", ("optical_spring",), 2),
-    Case("spectrum", ("gas_loading",), 4, "rectangle"),
+    pytest.param(Case("spectrum", ("gas_loading",), 4, "rectangle"), marks=pytest.mark.slow),
     Case("spectrum", ("gas_damping",), 1),
     pytest.param(Case("spectrum", ("clamp_loss",), 2, "rectangle"), marks=pytest.mark.slow),
     Case("spectrum", ("frame_mode",), 4, "rectangle"),
@@ -253,6 +253,7 @@ def test_a_drift_that_was_only_found_beside_a_particle_is_told_alone(tmp_path: P
     assert (found.verdict, found.causes) == ("explained", ("frequency_drift",)), found.alternatives
 
 
+@pytest.mark.slow
 def test_an_equal_whose_fit_stopped_short_is_fitted_anew_and_told(tmp_path: Path) -> None:
     # The pairs of a hexagon are split by unequal stress and by unequal sides alike; the fit of the
     # former stopped 7 sigma short, of 240.

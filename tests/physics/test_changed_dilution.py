@@ -59,6 +59,7 @@ def losses(causes: Causes) -> Array:
     return np.asarray(1 / (1e6 - left) / LOSS)
 
 
+@pytest.mark.slow
 def test_other_sides_change_losses_as_the_film_solved_anew_has_them() -> None:
     e = 0.02
     other = BENT.format(outline=SIDES.format(WIDTH * (1 + e / 2), HEIGHT / (1 + e / 2)))

@@ -173,6 +173,7 @@ def test_error_bars_come_without_lower_degrees_as_infinity() -> None:
     assert np.all(np.isinf(solve_nonlinearity(modes, cache=False).alpha_error))
 
 
+@pytest.mark.slow
 def test_where_two_degrees_less_are_too_crude_it_is_said_and_the_error_bars_hold_all_the_more(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -131,7 +131,7 @@ def test_frequencies_follow_c_and_the_bending_length_as_the_film_does(factor: fl
 @pytest.mark.parametrize(
     ("name", "values"),
     [
-        ("stress_anisotropy", {"anisotropy": 0.15}),
+        pytest.param("stress_anisotropy", {"anisotropy": 0.15}, marks=pytest.mark.slow),
         ("shear_stress", {"shear": -0.08}),
     ],
 )
@@ -168,7 +168,15 @@ def test_an_edge_that_yields_does_what_springs_do_to_the_film_anew() -> None:
     assert found == pytest.approx(anew(electrode(more=more)), rel=2e-6)
 
 
-@pytest.mark.parametrize("excess", [-0.3, 0.07, 0.27, 0.46])
+@pytest.mark.parametrize(
+    "excess",
+    [
+        pytest.param(-0.3, marks=pytest.mark.slow),
+        pytest.param(0.07, marks=pytest.mark.slow),
+        0.27,
+        pytest.param(0.46, marks=pytest.mark.slow),
+    ],
+)
 def test_thicker_layers_do_what_they_do_to_the_film_anew(excess: float) -> None:
     model = electrode()
     thick = model.with_("layers.1.thickness", f"{60 * (1 + excess)} nm")
