@@ -79,7 +79,8 @@ class ExtendedModel:
         at once: with 400 data, most of the time of one is not spent on data. Elsewhere one after
         the other, as millions of residuals fill the memory.
         """
-        if not self._takes_many:
+        at_once = self.base_model.residuals_of_many
+        if at_once is None or not all(effect.pointwise for effect in self.effects):
             yield from map(self.residuals, vectors)
             return
         ways, way = np.unique(self._ways(vectors), axis=0, return_inverse=True)
@@ -87,13 +88,9 @@ class ExtendedModel:
         for number in range(len(ways)):
             rows = np.flatnonzero(way == number)
             base, values = self._split_many(vectors[rows])
-            together = self.base_model.residuals_of_many(self.effects, base, values)
+            together = at_once(self.effects, base, values)
             found |= dict(zip(rows.tolist(), together, strict=True))
         yield from (found[row] for row in range(len(vectors)))
-
-    @cached_property
-    def _takes_many(self) -> bool:
-        return self.base_model.takes_many and all(effect.pointwise for effect in self.effects)
 
     def _ways(self, vectors: Array) -> Array:
         """Return what (m, k) of vectors (m, p) must be equal for them to be computed at once.

@@ -18,6 +18,8 @@ from femnl.observe.residuals import Layout, Quantity, Ranked
 T = TypeVar("T")
 Named = tuple[str, Sequence[Effect], Values, Sequence[Values]]
 """A model to be shown: its name, its effects, the base parameters and those of each effect."""
+ManyResiduals = Callable[[Sequence[Effect], ManyValues, Sequence[ManyValues]], Array]
+"""Residuals (m, n_residuals) under effects, with base parameters (m,) and those of each effect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +52,7 @@ class MeasurementModel(ABC):
     yet make a cause worth its parameters. noise_factor: noise
     that the model takes over the one stated, and correlation_length: how many neighbouring data it
     takes for one. left_out: glitches that never became residuals, where
-    and by how many σ. ranked: residuals whose data go to predictions by rank. takes_many: whether
-    `residuals_of_many` is there.
+    and by how many σ. ranked: residuals whose data go to predictions by rank.
     """
 
     kind: Kind
@@ -66,7 +67,6 @@ class MeasurementModel(ABC):
     noise_factor: float = 1.0
     correlation_length: float = 1.0
     left_out: tuple[tuple[str, float], ...] = ()
-    takes_many: bool = False
 
     @property
     def independent_blocks(self) -> tuple[Mapping[str, NDArray[np.bool_]], ...]:
@@ -144,15 +144,15 @@ class MeasurementModel(ABC):
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (data − prediction)/σ of the base model extended by effects, (n_residuals,)."""
 
-    def residuals_of_many(
-        self, effects: Sequence[Effect], base: ManyValues, values: Sequence[ManyValues]
-    ) -> Array:
-        """Return `residuals` (m, n_residuals) of m sets of parameters, at once.
+    @property
+    def residuals_of_many(self) -> ManyResiduals | None:
+        """What returns `residuals` of m sets of parameters at once, (m, n_residuals).
 
-        All effects are `pointwise`; strengths that vanish in one set do so in all, and whole
-        numbers are the same in all.
+        None, unless a kind says otherwise: one after another. It is asked only with effects that
+        are `pointwise`, with strengths that vanish in all sets or in none, and with the same whole
+        numbers in all.
         """
-        raise NotImplementedError(f"{self.kind}: takes one set of parameters at a time")
+        return None
 
     @abstractmethod
     def residual_directions(

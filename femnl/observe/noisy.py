@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
-from femnl.core.effect import Effect, Kind, ManyValues, ParameterSpec, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.observe.model import MeasurementModel, Named, Thinned
+from femnl.observe.model import ManyResiduals, MeasurementModel, Named, Thinned
 from femnl.observe.residuals import Layout, apart
 
 
@@ -56,7 +56,6 @@ class NoisyModel(MeasurementModel):
     notes: tuple[str, ...]
     needs_global_search: bool
     jumps: tuple[str, ...]
-    takes_many: bool
     tells_noise = True
 
     @cached_property
@@ -160,11 +159,13 @@ class NoisyModel(MeasurementModel):
         """Return the white residuals of the data that are kept."""
         return self.white(self.bare.residuals(effects, base, values))
 
-    def residuals_of_many(
-        self, effects: Sequence[Effect], base: ManyValues, values: Sequence[ManyValues]
-    ) -> Array:
-        """Return the white residuals (m, n_residuals) of the data that are kept."""
-        return self.white(self.bare.residuals_of_many(effects, base, values))
+    @property
+    def residuals_of_many(self) -> ManyResiduals | None:
+        """That of the bare model, whitened like residuals."""
+        bare = self.bare.residuals_of_many
+        if bare is None:
+            return None
+        return lambda effects, base, values: self.white(bare(effects, base, values))
 
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
@@ -235,7 +236,6 @@ def with_noise(bare: MeasurementModel, noise: FoundNoise) -> MeasurementModel:
         notes=(*bare.notes, *_told(noise)),
         needs_global_search=bare.needs_global_search,
         jumps=bare.jumps,
-        takes_many=bare.takes_many,
     )
 
 

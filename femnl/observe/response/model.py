@@ -13,9 +13,10 @@ from femnl.core.effect import Effect, ManyValues, ParameterSpec, Values
 from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
-from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.model import ManyResiduals, MeasurementModel, Named, apply
 from femnl.observe.residuals import Layout, Quantity
 from femnl.observe.response.curves import curves, described, sweep_name, voltages
+from femnl.observe.response.directions import directions_of_signal
 from femnl.observe.response.extent import extent
 from femnl.observe.response.late import LateSweeps, States
 from femnl.observe.response.layout import along_sweeps, marked
@@ -29,8 +30,6 @@ better.
 """
 LITTLE = 1e-4
 """Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
-STRONG = (2, 8, 32)
-"""Powers of a signal with which gain and phase may deviate: smoothly, or of the strongest alone."""
 FARTHER = 2.0
 """Widths of the sweeps by which those that would tell backgrounds apart are further out."""
 BEYOND = 4
@@ -52,7 +51,6 @@ class ResponseModel(MeasurementModel):
 
     kind = "response"
     tells_noise = True
-    takes_many = True
     jumps = ("peak",)
 
     sweeps: Sweeps
@@ -276,13 +274,15 @@ class ResponseModel(MeasurementModel):
         _, own = self._mode(effects, base, values, self.sweeps)
         return (own / self.simulated_alpha - 1) / ALPHA_SD
 
-    def residuals_of_many(
+    @property
+    def residuals_of_many(self) -> ManyResiduals:
+        """They are computed as one long record, whose parameters differ from point to point."""
+        return self._of_many
+
+    def _of_many(
         self, effects: Sequence[Effect], base: ManyValues, values: Sequence[ManyValues]
     ) -> Array:
-        """Return `residuals` (m, n_residuals) of m sets of parameters.
-
-        They are computed as one long record, whose parameters differ from point to point.
-        """
+        """Return the residuals (m, n_residuals) of m sets of parameters, portion by portion."""
         n = len(self.sweeps.frequency)
         found = []
         for portion in portions(len(base["frequency"]), n):
@@ -323,28 +323,10 @@ class ResponseModel(MeasurementModel):
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
         """Return gains, phases, backgrounds, f₀ and w of each sweep, and those of strong motion."""
-        volts = self.predict(effects, base, values) / self.sweeps.noise
-        share = np.asarray(np.abs(volts) * self.sweeps.noise / self.largest, float)
-        found: dict[str, Array] = {}
-        for power in STRONG:
-            strong = volts * share**power
-            found |= {
-                f"gain as power {power} of the signal": self._whole(strong),
-                f"phase as power {power} of the signal": self._whole(1j * strong),
-            }
-        for drive in np.unique(self.sweeps.drive):
-            only = np.where(self.sweeps.drive == drive, volts, 0)
-            flat = np.where(self.sweeps.drive == drive, 1 / self.sweeps.noise, 0j)
-            ways = {
-                "gain": only,
-                "phase": 1j * only,
-                "real background": flat,
-                "imaginary background": 1j * flat,
-            }
-            for name, part in ways.items():
-                found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = self._whole(
-                    part
-                )
+        volts = self.predict(effects, base, values)
+        share = np.asarray(np.abs(volts) / self.largest, float)
+        ways = directions_of_signal(self.sweeps, volts / self.sweeps.noise, share)
+        found = {name: self._whole(way) for name, way in ways.items()}
         plain = self.residuals(effects, base, values)
         step = LITTLE * base["linewidth"]
         for name in ("frequency", "linewidth"):
