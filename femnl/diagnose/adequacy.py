@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from femnl.core.readout import Array
-from femnl.diagnose.score_tests import ScoreTest, chi_square_tail
+from femnl.diagnose.score_test import ScoreTest, chi_square_tail
 from femnl.fits.least_squares import FitResult
 
 N_DRAWS = 4000

@@ -8,7 +8,8 @@ from femnl.core.effect import Effect
 from femnl.diagnose.adequacy import Adequacy, all_tests
 from femnl.diagnose.candidate import Candidate, FirstTests, Pointer, factor_of
 from femnl.diagnose.part_of_data import in_part
-from femnl.diagnose.score_tests import ScoreTest, score_tests, unlike
+from femnl.diagnose.score_test import ScoreTest
+from femnl.diagnose.score_tests import score_tests, unlike
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult
 

@@ -1,0 +1,162 @@
+"""Score tests of a physical cause: what it does at small strength, in each of its shapes."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+from scipy.stats.qmc import Sobol
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.readout import Array
+from femnl.diagnose.score_test import ScoreTest, beside, chi_square_tail
+from femnl.diagnose.strength_slopes import Index, chord, tangents
+from femnl.fits.least_squares import FitResult
+from femnl.observe.extended import ExtendedModel
+
+T = TypeVar("T")
+N_SHAPES = {0: 1, 1: 128, 2: 128, 3: 128}
+"""Trial shapes of an effect with that many parameters that only shape it."""
+AT_ONCE = 16
+"""Shapes that are tried at once; more of them fill the memory where data are many."""
+SECANT = 0.05
+"""Part of the misfit that an effect's tangent spans where the misfit is large."""
+
+
+@dataclass(frozen=True)
+class _Range:
+    """A parameter of an effect and its bounds."""
+
+    spec: ParameterSpec
+    low: float
+    high: float
+
+
+def effect_tests(
+    result: FitResult,
+    own: Array,
+    effect: Effect,
+    base: Values,
+    values: Sequence[Values],
+    shapes: Mapping[str, Values] | None,
+) -> list[ScoreTest]:
+    """Return the tests of an effect at small strength, one for each of its shapes that shows.
+
+    Args: own: orthonormal tangents (n, p) of the model. base, values: the parameters of the base
+        model and of the model's effects, at which the effect is tried. shapes: as `score_tests`.
+    """
+    wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
+    low, high = wider.bounds
+    first = len(low) - len(effect.parameters)
+    ranges = [
+        _Range(spec, float(a), float(b))
+        for spec, a, b in zip(effect.parameters, low[first:], high[first:], strict=True)
+    ]
+    strengths = [one for one in ranges if one.spec.strength]
+    excess = float(result.residuals @ result.residuals) - len(result.residuals)
+    target = max(0.1, SECANT * max(excess, 0.0) ** 0.5)
+    steps = {one.spec.name: 1e-6 * one.high for one in strengths}
+    found = []
+    shaping = [one for one in ranges if not one.spec.strength]
+    tried = _trial_shapes(shaping) if shapes is None else [_shape_of(shaping, shapes[effect.name])]
+    none = {one.spec.name: 0.0 for one in strengths}
+
+    def change(mine: Sequence[Values], name: str, which: Index, strength: Array) -> Array:
+        """Return what a strength (k,) in some of the shapes (k,) changes of the residuals."""
+        vectors = [
+            wider.pack(base, [*values, {**mine[k], **none, name: size}])
+            for k, size in zip(which, strength, strict=True)
+        ]
+        return np.array(list(wider.residuals_of_each(np.array(vectors)))) - result.residuals
+
+    for mine in _portions(tried):
+        slopes = []
+        for one in strengths:
+            name = one.spec.name
+            by_shape, steps[name] = tangents(
+                partial(change, mine, name), len(mine), steps[name], one.high, target
+            )
+            slopes.append(by_shape)
+        for k, shape in enumerate(mine):
+            rows = np.stack([by_shape[k] for by_shape in slopes])
+            basis = beside(own, rows)
+            if len(basis) == 0:  # of second order, or not to be seen at all
+                rows = np.stack(
+                    [
+                        chord(partial(change, [shape], one.spec.name), one.low, one.high)
+                        for one in strengths
+                    ]
+                )
+                basis = beside(own, rows)
+            if len(basis):
+                free = rows - (rows @ own) @ own.T
+                found.append(_effect_test(result, effect, shape, strengths, free, basis))
+    return found
+
+
+def _portions(shapes: list[T]) -> Iterator[list[T]]:
+    """Yield the shapes that are tried at once: the first alone, since it finds the steps."""
+    yield shapes[:1]
+    for first in range(1, len(shapes), AT_ONCE):
+        yield shapes[first : first + AT_ONCE]
+
+
+def _trial_shapes(ranges: list[_Range]) -> list[dict[str, float]]:
+    """Return values of the parameters that only shape an effect, spread over their ranges.
+
+    An effect without any has one shape.
+    """
+    if not ranges:
+        return [{}]
+    parts = Sobol(len(ranges), rng=np.random.default_rng(0)).random(N_SHAPES[len(ranges)])
+    return [
+        {one.spec.name: _at(one.spec, one.low, one.high, part) for one, part in pairs}
+        for pairs in (list(zip(ranges, row, strict=True)) for row in parts)
+    ]
+
+
+def _shape_of(ranges: list[_Range], values: Values) -> dict[str, float]:
+    """Return the values, among others, of the parameters that only shape an effect."""
+    return {one.spec.name: float(values[one.spec.name]) for one in ranges}
+
+
+def _effect_test(
+    result: FitResult,
+    effect: Effect,
+    shape: dict[str, float],
+    strengths: list[_Range],
+    free: Array,
+    basis: Array,
+) -> ScoreTest:
+    """Return the test of an effect of one shape.
+
+    Its gain is that of the strengths of least χ² within their bounds, in the linear approximation.
+
+    Args: free (k, n): derivatives of the residuals by the strengths, less what the model's own
+        tangents reach. basis (q, n): orthonormal, of the space that they span.
+    """
+    low = [one.low for one in strengths]
+    high = [one.high for one in strengths]
+    # What the priors know of strengths that hardly show
+    known = np.diag(np.sqrt(12) / np.subtract(high, low))
+    estimate = -np.linalg.lstsq(
+        np.vstack([free.T, known]),
+        np.append(result.residuals, np.zeros(len(known))),
+        rcond=None,
+    )[0]
+    allowed = np.clip(estimate, low, high)
+    rest = result.residuals + allowed @ free
+    gain = max(result.chi2 - float(rest @ rest), 0.0)
+    named = shape | {
+        one.spec.name: float(strength) for one, strength in zip(strengths, allowed, strict=True)
+    }
+    explained = np.array(float(np.sum((basis @ result.residuals) ** 2)))
+    p_value = float(chi_square_tail(explained, len(basis)))
+    return ScoreTest(effect.name, effect, basis, gain, p_value, named)
+
+
+def _at(spec: ParameterSpec, low: float, high: float, part: float) -> float:
+    """Return the value at a part of a parameter's prior."""
+    value = low * (high / low) ** part if spec.log else low + (high - low) * part
+    return float(np.rint(value) if spec.whole else value)

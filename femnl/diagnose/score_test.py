@@ -1,0 +1,59 @@
+"""A score test: one direction in which residuals may deviate, and what going there gains."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc, erfc
+
+from femnl.core.effect import Effect
+from femnl.core.readout import Array
+
+VISIBLE = 1e-6
+"""Part of an effect's tangent that must be left beside the model's own for the data to see it."""
+
+
+@dataclass(frozen=True)
+class ScoreTest:
+    """One direction (or a few) in which residuals may deviate.
+
+    Gain in χ² from going there, its p-value, and where a fit would start.
+
+    effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents. strengths,
+    shape: linear estimate of the effect.
+    """
+
+    name: str
+    effect: Effect | None
+    basis: Array
+    gain: float
+    p_value: float
+    values: dict[str, float]
+
+    @property
+    def whole(self) -> list[float]:
+        """Values of those parameters that are whole numbers."""
+        return [
+            self.values[spec.name]
+            for spec in (self.effect.parameters if self.effect else ())
+            if spec.whole
+        ]
+
+
+def beside(own: Array, tangents: Array) -> Array:
+    """Return an orthonormal basis of what the tangents reach that the model itself does not."""
+    size = np.linalg.norm(tangents, axis=1, keepdims=True)
+    unit = tangents / np.where(size > 0, size, 1)
+    free = unit - (unit @ own) @ own.T
+    # Most are, and a decomposition of so long a row takes longer than the predictions
+    if len(free) == 1:
+        strength = np.linalg.norm(free, axis=1)
+        return np.asarray(free[strength > np.sqrt(VISIBLE)] / strength)
+    _, strength, right = np.linalg.svd(free, full_matrices=False)
+    return np.asarray(right[strength > np.sqrt(VISIBLE)])
+
+
+def chi_square_tail(square: Array, degrees: int) -> Array:
+    """Return the probability of a larger χ², by closed forms where there are any."""
+    if degrees == 1:
+        return np.asarray(erfc(np.sqrt(square / 2)))
+    return np.asarray(np.exp(-square / 2) if degrees == 2 else chdtrc(degrees, square))
