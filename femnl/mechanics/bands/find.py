@@ -3,7 +3,7 @@
 Holes that break the lattice, such as those of a defect, are few and left out.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,9 +17,9 @@ from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves
 from femnl.device.geometry.openings import polygon
 from femnl.device.geometry.placing import placed
-from femnl.device.mesh import WEDGES, has_symmetry
-from femnl.mechanics.bands.cell_layers import Frame, cell_layers, film_frame, need_repeating
-from femnl.mechanics.bands.lattice import Cell, Lattice, Symmetry
+from femnl.mechanics.bands.cell_layers import Frame, film_frame, need_repeating
+from femnl.mechanics.bands.lattice import Cell, Lattice
+from femnl.mechanics.bands.mirrors import Candidate, no_mirrors, with_mirrors
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -80,10 +80,10 @@ def find_cell(model: Model) -> Cell:
     centres = _turned(inner, -angle).centres
     need_repeating(model, frame, _spanned(model, frame, centres), single=False)
     for candidate in _cells(basis, lattice, frame):
-        mirrored = _with_mirrors(candidate.layered(model), model)
+        mirrored = with_mirrors(candidate.layered(model), model)
         if mirrored is not None:
             return mirrored
-    raise _no_mirrors(model, list(_cells(basis, lattice, frame)))
+    raise no_mirrors(model, list(_cells(basis, lattice, frame)))
 
 
 def given_cell(model: Model, lattice: Lattice) -> Cell:
@@ -111,10 +111,10 @@ def given_cell(model: Model, lattice: Lattice) -> Cell:
         frame = replace(frame, origin=centres[nearest])
     need_repeating(model, frame, _spanned(model, frame, centres), single=True)
     holes = Holes(np.zeros((min(len(centres), 1), 2)), model.holes.radius)
-    candidate = _Candidate(Cell(lattice, holes), frame)
-    mirrored = _with_mirrors(candidate.layered(model), model)
+    candidate = Candidate(Cell(lattice, holes), frame)
+    mirrored = with_mirrors(candidate.layered(model), model)
     if mirrored is None:
-        raise _no_mirrors(model, [candidate])
+        raise no_mirrors(model, [candidate])
     return mirrored
 
 
@@ -128,52 +128,6 @@ def _spanned(model: Model, frame: Frame, centres: Array) -> shapely.Geometry:
     if hull.area > (1 - EVEN) * cell.area:
         return hull
     return polygon(frame.of(model.outline))
-
-
-def _with_mirrors(cell: Cell, model: Model) -> Cell | None:
-    """Return the cell with the word for its mirror lines, or None where it lacks them."""
-    device = cell.of(model)
-    words: tuple[Symmetry, ...] = ("twelfth",)
-    if cell.lattice.turns == 4:
-        words = ("eighth", "quarter")
-    for word in words:
-        if has_symmetry(device, WEDGES[word]):
-            return replace(cell, symmetry=word)
-    return None
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    """A cell without layers, which may have mirror lines, and where it lies on the device."""
-
-    bare: Cell
-    frame: Frame
-
-    def layered(self, model: Model) -> Cell:
-        """Return the cell with the layers of a device."""
-        return replace(self.bare, layers=cell_layers(model, self.frame))
-
-
-def _no_mirrors(model: Model, candidates: Sequence[_Candidate]) -> ParameterError:
-    """Return an error that names a layer for which no cell has mirror lines, else the holes."""
-    lattice = candidates[0].frame.lattice
-    wanted = "along x and y" if lattice.turns == 4 else "at every 30°"
-    if any(_with_mirrors(candidate.bare, model) for candidate in candidates):
-        for number, lamina in enumerate(model.layers, start=1):
-            alone = replace(model, layers=(lamina,))
-            if not any(_with_mirrors(one.layered(alone), model) for one in candidates):
-                return ParameterError(
-                    f"{model.name}: [layers] {number} {lamina.name}: lacks mirror lines {wanted} "
-                    f"in the cell of the {lattice.kind} lattice; bands need them"
-                )
-        return ParameterError(
-            f"{model.name}: [layers]: together they lack mirror lines {wanted} in the cell of the "
-            f"{lattice.kind} lattice; bands need them"
-        )
-    return ParameterError(
-        f"{model.name}: holes: the cell of their {lattice.kind} lattice lacks mirror lines "
-        f"{wanted}; bands need them"
-    )
 
 
 def _inner(model: Model) -> _Inner:
@@ -262,7 +216,7 @@ def _basis(inner: _Inner, lattice: Lattice) -> _Inner:
     return _Inner(inner.centres[kept], inner.look[kept], tuple(inner.shapes[k] for k in kept))
 
 
-def _cells(basis: _Inner, lattice: Lattice, frame: Frame) -> Iterator[_Candidate]:
+def _cells(basis: _Inner, lattice: Lattice, frame: Frame) -> Iterator[Candidate]:
     """Cells about the points that may be centres of symmetry: holes first, then points between."""
     steps = lattice.steps[:2]
     halves = [(0, 0), (1 / 2, 0), (0, 1 / 2), (1 / 2, 1 / 2)]
@@ -271,7 +225,7 @@ def _cells(basis: _Inner, lattice: Lattice, frame: Frame) -> Iterator[_Candidate
     for offset in (*halves, *thirds):
         for place in (*basis.centres, *between):
             origin = place + offset @ steps
-            yield _Candidate(_cell_about(basis, lattice, origin), frame.about(origin))
+            yield Candidate(_cell_about(basis, lattice, origin), frame.about(origin))
 
 
 def _cell_about(basis: _Inner, lattice: Lattice, origin: Array) -> Cell:
