@@ -1,8 +1,10 @@
 """What is too large for a command is refused by its declared size, before it is read."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,9 +13,9 @@ from femnl import pipeline
 from femnl.cli._main import run
 from femnl.cli.diagnose import MOST, _workers_that_fit
 from femnl.core.errors import FemnlError, MeasurementError, ParameterError
-from femnl.core.kinds import Cost, Size, kinds
+from femnl.core.kinds import Size, kinds
 from femnl.io import measurement
-from femnl.io.measurement import files, sizes
+from femnl.io.measurement import sizes
 from femnl.io.measurement.sizes import OWN, Use, cost, need_room, need_room_for
 
 Allow = Callable[[int], None]
@@ -33,6 +35,26 @@ GROUPS: Mapping[str, xr.Dataset] = {
     "trace": measurement.trace(LINE, NOISE, drive_frequency=[0.1], wavelength=632.8e-9),
 }
 USES: tuple[Use, ...] = ("show", "fit", "diagnose")
+
+
+def without_numbers(path: str) -> None:
+    """Leave in a file what it declares, and no number of a group."""
+    with h5py.File(path, "r+") as file:
+        for item in file["data"].values():
+            if isinstance(item, h5py.Dataset):
+                item[...] = np.full(item.shape, np.nan)
+
+
+def store(path: str, count: int) -> None:
+    """Let the largest datasets of a file be of a length."""
+    with h5py.File(path, "r+") as file:
+        group = file["data"]
+        sizes_of = {name: int(np.prod(item.shape)) for name, item in group.items()}
+        largest = max(sizes_of.values())
+        for name in (name for name, size in sizes_of.items() if size == largest):
+            attributes = dict(group[name].attrs)
+            del group[name]
+            group.create_dataset(name, data=np.zeros(count)).attrs.update(attributes)
 
 
 @pytest.fixture(params=GROUPS)
@@ -55,19 +77,21 @@ def test_a_file_beyond_the_memory_is_refused_before_its_arrays_are_read(
     kind: str,
     use: Use,
     allow_memory: Allow,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(files, "check", None)  # which nothing calls
-    monkeypatch.setattr(sizes, "cost", lambda spec, use: Cost(cost(spec, use).memory))
+    spec = kinds()[kind]
+    without_numbers("f.nc")  # a file that is read is refused for what it holds
     allow_memory(OWN)
     extra = ["--workers", "1"] if use == "diagnose" else []
     assert run([use, "f.nc", *extra]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("femnl: f.nc: data: ")
+    if (cost(spec, use).most or N) < N:
+        assert f"holds 2,000 {spec.size.data}, and " in line
+        return
     assert f"numbers in {sizes.WORDS[use]} need about 0." in line
     assert "GiB of memory, and this process may take 0.5 GiB; " in line
-    assert line.endswith(kinds()[kind].size.remedy)
+    assert line.endswith(spec.size.remedy)
 
 
 @pytest.mark.parametrize("use", USES)
@@ -84,18 +108,28 @@ def test_what_fits_is_let_through(kind: str, use: Use, allow_memory: Allow) -> N
     need_room_for(measurement.read("f.nc"), "f.nc", use)
 
 
-def test_more_data_than_a_command_ends_with_are_refused(
-    kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    largest = max(variable.size for variable in GROUPS[kind].variables.values())
-    monkeypatch.setattr(sizes, "cost", lambda *_: Cost(1.0, largest))
-    need_room(Path("f.nc"), "fit")
-    monkeypatch.setattr(sizes, "cost", lambda *_: Cost(1.0, largest - 1))
-    told = rf"^f\.nc: data: holds {largest:,} .*, and a fit of a {kind} takes at most "
+def test_more_data_than_a_diagnosis_ends_with_are_refused(kind: str) -> None:
+    most = cost(kinds()[kind], "diagnose").most
+    assert most is not None
+    store("f.nc", most)
+    with suppress(ParameterError):  # for the memory of this machine, which is asked for later
+        need_room(Path("f.nc"), "diagnose")
+    store("f.nc", most + 1)
+    told = rf"^f\.nc: data: holds {most + 1:,} .*, and a diagnosis of a {kind} takes at most "
     with pytest.raises(MeasurementError, match=told):
-        need_room(Path("f.nc"), "fit")
-    with pytest.raises(MeasurementError, match=told):
-        need_room_for(measurement.read("f.nc"), "f.nc", "fit")
+        need_room(Path("f.nc"), "diagnose")
+
+
+def test_lines_that_were_read_are_refused_alike() -> None:
+    most = cost(kinds()["spectrum"], "diagnose").most
+    assert most is not None
+    few, many = (
+        measurement.bundle({"data": measurement.spectrum(1e6 + LINE[:count], np.ones(count))})
+        for count in (most, most + 1)
+    )
+    need_room_for(few, "f.nc", "diagnose")
+    with pytest.raises(MeasurementError, match=r"^f\.nc: data: holds 161 lines, and a diagnosis "):
+        need_room_for(many, "f.nc", "diagnose")
 
 
 def test_workers_hold_the_data_each(
@@ -116,8 +150,9 @@ def test_a_fit_takes_one_group_after_the_other_and_a_diagnosis_all(
     monkeypatch.chdir(tmp_path)
     groups = {f"d{k}": GROUPS["decay"] for k in range(40)}
     measurement.write(measurement.bundle(groups), "f.nc")
-    monkeypatch.setattr(sizes, "cost", lambda *_: Cost(1000.0))
-    allow_memory(OWN + 1100 * 2 * 8 * N)
+    numbers = 8 * sum(variable.size for variable in GROUPS["decay"].variables.values())
+    one = (cost(kinds()["decay"], use).memory + len(groups)) * numbers
+    allow_memory(OWN + int(1.1 * one))
     if fits:
         need_room(Path("f.nc"), use)
     else:
@@ -126,17 +161,20 @@ def test_a_fit_takes_one_group_after_the_other_and_a_diagnosis_all(
 
 
 def test_a_lab_file_is_refused_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    allow_memory: Allow,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     rows = "\n".join(f"{p},{1e5 - p}" for p in range(1, 40))
     Path("f.csv").write_text(f"p,Q\n{rows}\n", encoding="utf-8")
     spec = 'kind = "series"\n[columns]\npressure = { column = "p", unit = "Pa" }\n'
     Path("f.toml").write_text(spec + 'quality_factor = "Q"\n', encoding="utf-8")
-    monkeypatch.setattr(sizes, "cost", lambda *_: Cost(1.0, 10))
+    allow_memory(OWN)
     assert run(["fit", "f.csv"]) == 2
     (line,) = (text for text in capsys.readouterr().err.splitlines() if text.startswith("femnl: "))
-    assert "holds 39 points, and a fit of a series takes at most 10; average" in line
+    assert ": 78 numbers in a fit need about 0.5 GiB of memory, and this process may take" in line
 
 
 def test_maps_beyond_the_memory_are_refused_before_modes_are_solved(
