@@ -16,20 +16,13 @@ from femnl.core.errors import ParameterError
 from femnl.device.geometry import parse
 from femnl.mechanics.bands import Lattice, find_cell, solve_bands
 from femnl.pipeline import solve_modes
+from tests.physics.layered_text import FILM
 
 Array = NDArray[np.float64]
 
 PITCH = 10e-6
 SQUARE = Lattice("square", PITCH)
 HEXAGONAL = Lattice("hexagonal", PITCH)
-FILM = """
-[film]
-thickness = "100 nm"
-young = "250 GPa"
-poisson = 0.23
-density = "3000 kg/m^3"
-stress = "{stress}"
-"""
 
 
 def device(shape: str, more: str = "", side: float = 60.0, bending: bool = False) -> Model:

@@ -21,17 +21,10 @@ from femnl.mechanics.prestress import solve_prestress
 from femnl.mechanics.static_deflection import solve_static_deflection
 from femnl.observe.film import SimulatedFilm
 from femnl.pipeline import solve_modes, solve_nonlinearity
+from tests.physics.layered_text import FILM
 
 RADIUS = 50e-6
 INNER = 20e-6
-FILM = """
-[film]
-thickness = "100 nm"
-young = "250 GPa"
-poisson = 0.23
-density = "3000 kg/m^3"
-stress = "{stress}"
-"""
 DISC = '[outline]\nkind = "circle"\ndiameter = "100 um"\n'
 SQUARE = '[outline]\nkind = "square"\nside = "100 um"\n'
 PAD = 'shape = {kind = "circle", diameter = "40 um"}\n'

@@ -12,17 +12,10 @@ from femnl.diagnose import diagnose
 from femnl.io import measurement
 from femnl.mechanics.fem.laminate import one_material
 from femnl.pipeline import solve_modes, solve_nonlinearity
+from tests.physics.layered_text import FILM
 
 SQUARE = '[outline]\nkind = "square"\nside = "100 um"\n'
 DISC = '[outline]\nkind = "circle"\ndiameter = "100 um"\n'
-FILM = """
-[film]
-thickness = "100 nm"
-young = "250 GPa"
-poisson = 0.23
-density = "3000 kg/m^3"
-stress = "{stress}"
-"""
 
 
 def layer(poisson: float = 0.23, more: str = "", thickness: str = "60 nm") -> str:
