@@ -18,7 +18,9 @@ PERFORATED = "perforated"
 HIDDEN = [
     Case("electrode", ("layer_thickness",), 2, DRUM),
     Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)),
-    Case("spectrum", ("frequency_drift",), 5, SQUARE, (10.0, 60.0)),
+    pytest.param(
+        Case("spectrum", ("frequency_drift",), 5, SQUARE, (10.0, 60.0)), marks=pytest.mark.slow
+    ),
     Case("spectrum", ("shear_stress",), 2, SQUARE, (20.0, 60.0)),
     Case("spectrum", ("bending_stiffness",), 4, SQUARE, (20.0, 60.0)),
     # At δ = ℓ the strength of the effect grows without moving the edge: a fit that begins below

@@ -110,7 +110,16 @@ def test_a_film_that_layers_cover_evenly_is_the_one_of_one_material() -> None:
         np.testing.assert_allclose(values, exact, rtol=1e-3, atol=1e-4 * abs(exact).max())
 
 
-@pytest.mark.parametrize("factor", [0.0, 0.6, 1.0, 1.5, 3.0])
+@pytest.mark.parametrize(
+    "factor",
+    [
+        pytest.param(0.0, marks=pytest.mark.slow),
+        0.6,
+        1.0,
+        1.5,
+        pytest.param(3.0, marks=pytest.mark.slow),
+    ],
+)
 def test_frequencies_follow_c_and_the_bending_length_as_the_film_does(factor: float) -> None:
     """All densities and all moduli change by one factor each."""
     model = electrode()
@@ -247,7 +256,7 @@ def test_rigid_motions_and_areas_are_integrals_over_film_and_electrode() -> None
     assert known.area == pytest.approx(copies * area, rel=1e-9)
 
 
-@pytest.mark.parametrize("gap", [np.inf, 1e-6])
+@pytest.mark.parametrize("gap", [pytest.param(np.inf, marks=pytest.mark.slow), 1e-6])
 def test_gas_moves_with_the_film_however_much_metal_lies_on_it(gap: float) -> None:
     """Metal as heavy as nothing leaves the gas of the bare film; its area is that of the modes."""
     bare = SimulatedFilm(replace(electrode(), layers=()), 12)

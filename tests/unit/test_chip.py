@@ -275,6 +275,7 @@ def test_the_probability_of_another_design_is_that_of_two_densities() -> None:
     assert 0.2 < told[1] < 0.99
 
 
+@pytest.mark.slow
 def test_simulated_chips_give_up_what_is_hidden_in_them() -> None:
     """Ten chips; `python -m tests.blind.chips` draws hundreds."""
     records = [chips.judge(SEED + k) for k in range(10)]
