@@ -5,7 +5,10 @@ from dataclasses import replace
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Signal
 
-_REASON = "a background as strong as the resonance itself hides it: more is no measurement of it"
+_REASON = (
+    "as strong as the resonance, or twice the background found beside it where that is stronger and "
+    "hides the mode from a fit without it"
+)
 _SLOPE = "a slope that doubles the largest background within the sweeps; steeper is a resonance"
 
 

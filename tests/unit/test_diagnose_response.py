@@ -185,6 +185,25 @@ def test_a_phase_that_rises_with_frequency_is_noticed_and_told(
     assert any("conjugated" in note for note in rising.notes)
 
 
+def test_a_leak_of_thirty_times_the_resonance_does_not_hide_the_mode(tmp_path: Path) -> None:
+    make(Case("response", (), 3), tmp_path / "file.nc")
+    data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()
+    alone = pose_response(data, SimulatedFilm(load("square-270um"), 12))
+    frequency, *_ = alone.start
+    away = (data["frequency"] - frequency) / np.ptp(data["frequency"].values)
+    leak = 30 * alone.scales["slope"] * data["drive"] * (1 + 0.05 * away)
+    leaking = data.assign(real=data["real"] + 0.4 * leak, imag=data["imag"] + 0.9 * leak)
+    measurement.write(
+        measurement.bundle({"sweeps": leaking}, geometry="square-270um"), tmp_path / "leak.nc"
+    )
+    found = diagnose(
+        tmp_path / "leak.nc", effects=[library()["crosstalk"], library()["sloping_background"]]
+    )
+    assert (found.verdict, found.causes) == ("explained", ("sloping_background",))
+    told = found.parameters["base"]["frequency"]
+    assert abs(told.value - frequency) < 4 * told.sd < 0.2
+
+
 def test_magnitudes_alone_are_refused_with_what_takes_them(tmp_path: Path) -> None:
     make(Case("response", (), 1), tmp_path / "file.nc")
     data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()

@@ -185,7 +185,8 @@ def cluster_of(
         named = ("--nthreads", "1", "--no-nanny", "--name", str(k))
         processes.append(start("-m", "distributed.cli.dask_worker", *words, *named, folder=folder))
     with patience() as pause:
-        while not note.exists():
+        # It exists before it is written
+        while not note.exists() or not note.read_text():
             pause()
     return json.loads(note.read_text())["address"], processes
 

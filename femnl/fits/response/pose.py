@@ -22,6 +22,11 @@ from femnl.observe.response.model import ALPHA_SD, ResponseModel
 from femnl.observe.response.sweeps import Sweeps, collect
 from femnl.observe.response.timing import timing
 
+LARGER = 2.0
+"""Part of a background that hides the resonance up to which backgrounds are sought."""
+FAR_BETTER = 4.0
+"""Factor by which a background must lower χ² before it is taken to hide the resonance."""
+
 
 def pose(
     dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
@@ -47,6 +52,7 @@ def pose(
     metre = float(np.sqrt(alpha / abs(ratio))) if ratio else slope[0] / 1e-7
     responsivity = [float(metre * s / slope[0]) for s in slope]
     peak = slope[0] / metre
+    leak = max(slope[0], LARGER * fitted["background"])
     softens = bool(ratio * alpha < 0)
     everywhere = extent(sweeps, np.array(responsivity), np.ones(len(sweeps.frequency), dtype=bool))
     when = timing(dataset, sweeps)
@@ -69,8 +75,8 @@ def pose(
         scales={
             "curvature": (peak * sweeps.reference) ** -2,
             "curvature_square": (peak * sweeps.reference) ** -4,
-            "slope": slope[0],
-            "slope_per_span": slope[0] / sweeps.span,
+            "slope": leak,
+            "slope_per_span": leak / sweeps.span,
             "span": sweeps.span,
             "stiffening_square": abs(alpha) / everywhere.motion**2,
             "drive_square": sweeps.reference**-2,
@@ -88,6 +94,7 @@ def pose(
             alpha,
             softens,
         ),
+        hidden=fitted["background"] > 0,
     )
 
 
@@ -107,21 +114,25 @@ def _first_fit(
 
     def find() -> tuple[Array, Array]:
         sign = sign_of_phase(clear, first_layout(clear, "complex"))
-        fitted = _fitted(dataset, sign)
-        return np.array([fitted[name] for name in names]), np.array([sign])
+        fitted, background = _fitted(dataset, sign, place, clear.reference)
+        return np.array([*(fitted[name] for name in names), background]), np.array([sign])
 
     if checkpoint is None:
         values, sign = find()
     else:
         digest = hashlib.sha256(clear.frequency.tobytes() + clear.voltage.tobytes())
         values, sign = checkpoint.recall(f"first fit of sweeps {digest.hexdigest()}", find)
-    return int(sign[0]), dict(zip(names, values.tolist(), strict=True))
+    return int(sign[0]), dict(zip([*names, "background"], values.tolist(), strict=True))
 
 
-def _fitted(dataset: xr.Dataset, sign: int) -> Fit:
-    """Return a fit of one mode, whose damping grows with amplitude where that describes the data.
+def _fitted(
+    dataset: xr.Dataset, sign: int, place: tuple[str, ...], reference: float
+) -> tuple[Fit, float]:
+    """Return a fit of one mode, and how strong the background is [V/V] that hides it, or 0.
 
-    Whether it does is for the diagnosis to say; here it only makes the start safe.
+    Damping that grows with the amplitude, or a background, is in it where that describes the data.
+    Whether they are there is for the diagnosis to say; here they only make the start safe. A
+    background that is weaker than the resonance hides nothing: the mode is found without it.
     """
     found: list[Fit] = []
     for damped in (True, False):
@@ -135,9 +146,25 @@ def _fitted(dataset: xr.Dataset, sign: int) -> Fit:
             nonlinear_damping=damped,
         )
         if fitted.chi2_reduced < ADEQUATE:
-            return fitted
+            return fitted, 0.0
         found.append(fitted)
-    return min(found, key=lambda one: one.chi2_reduced)
+    best = min(found, key=lambda one: one.chi2_reduced)
+    beside = fit_response(
+        dataset, "complex", background="slope", duffing=True, delay=True, phase_sign=sign
+    )
+    background = max(_leak(beside, name, reference) for name in place)
+    resonance = max(beside[f"y_max{name}"] for name in place)
+    hidden = background > resonance and beside.chi2_reduced < best.chi2_reduced / FAR_BETTER
+    return (beside, background) if hidden else (best, 0.0)
+
+
+def _leak(fitted: Fit, place: str, reference: float) -> float:
+    """Return how strong the background at a place is by the drive [V/V].
+
+    Args: reference: the strongest drive [V], to which a background that does not grow counts.
+    """
+    real, imag = (fitted.parameters[f"background_{part}{place}"] for part in ("real", "imag"))
+    return float(np.hypot(real.value, imag.value)) / (1.0 if real.unit == "V/V" else reference)
 
 
 def _base(

@@ -121,16 +121,24 @@ class TriedModels:
         """The most general delay that is allowed."""
         return "all" if self.like.phase and self.asked.delay is not False else "none"
 
+    @property
+    def _drives(self) -> bool:
+        """Whether there are several drives, with which a background may grow."""
+        return np.unique(self.sweeps.drive).size > 1
+
     def begin(self) -> bool:
         """Fit the model that decides on the sign of the phase; return whether the data are met.
 
-        It is the richest linear model for complex data, and the plain one with the full search for
-        others.
+        It is the richest linear model for complex data, with a background that grows with the drive
+        where that describes them better, and the plain one with the full search for others.
         """
         if self.use == "complex":
             self.linear(Variant(self.forms[-1], False, self.late, duffing=False))
             if self.late == "all" and self.forms[-1] != "none" and not self.quiet:
                 self.linear(Variant(self.forms[-1], False, "resonance", duffing=False))
+            if self._drives and self.forms[-1] != "none" and not self.quiet:
+                late: Delay = "resonance" if self.late == "all" else "none"
+                self.linear(Variant(self.forms[-1], True, late, duffing=False))
         else:
             duffing = self.asked.duffing is not False
             self.fit(Variant("none", False, self.late, duffing), [], search=True)
@@ -217,7 +225,7 @@ class TriedModels:
             if best.variant.delay == delay:
                 break
             delay = best.variant.delay
-        if np.unique(self.sweeps.drive).size > 1:
+        if self._drives:
             near = self.cheapest(duffing=duffing) or near
             for other in self.forms:
                 if other != "none":

@@ -46,7 +46,8 @@ class ResponseModel(MeasurementModel):
     measured [s], or the number of its sweep; step (n_points,): time since the one before, in those
     that most points take. shape (n_points,): ξ of the driven mode where the
     laser meets the film, 1 where that is not known. middle [Hz]: of the frequencies at which the
-    mode moves strongly. largest [V]: signal.
+    mode moves strongly. largest [V]: signal. hidden: whether a background hides the resonance, so
+    that the start is right only beside one.
     """
 
     kind = "response"
@@ -68,6 +69,7 @@ class ResponseModel(MeasurementModel):
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+    hidden: bool = False
     copies: int = 1
 
     def unscaled_by(self, glitches: Sequence[int]) -> "ResponseModel":
@@ -336,6 +338,11 @@ class ResponseModel(MeasurementModel):
                 mine = np.where(self.sweeps.sweep == k, 1 + 1j, 0)
                 found[f"{name} of sweep {k + 1}"] = self._whole(mine) * moved
         return found
+
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Return the mode that a background hides; alone it describes the background instead."""
+        names = [spec.name for spec in self.base]
+        return [dict(zip(names, self.start.tolist(), strict=True))] if self.hidden else []
 
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
