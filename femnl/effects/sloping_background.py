@@ -6,8 +6,8 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Signal
 
 _REASON = (
-    "as strong as the resonance, or twice the background found beside it where that is stronger and "
-    "hides the mode from a fit without it"
+    "as strong as the resonance, or twice the background beside which the mode is found where that "
+    "is stronger and hides it"
 )
 _SLOPE = "a slope that doubles the largest background within the sweeps; steeper is a resonance"
 

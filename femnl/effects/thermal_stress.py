@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Points
 
@@ -9,7 +11,9 @@ from femnl.core.stages import Points
 def relax(points: Points, values: Values) -> Points:
     """Change f² by the factor 1 − s (T − T₀)."""
     warm = points.control["temperature"] - points.control["temperature"].mean()
-    return replace(points, frequency=points.frequency * (1 - values["slope"] * warm) ** 0.5)
+    # A step of a fit may slacken the film
+    left = np.maximum(1 - values["slope"] * warm, 0.0)
+    return replace(points, frequency=points.frequency * left**0.5)
 
 
 EFFECT = Effect(

@@ -173,7 +173,11 @@ def test_on_a_hexagon_a_change_of_stress_is_told_in_every_direction_beside_a_gra
     ("case", "lacking"),
     [
         (Case("spectrum", ("gas_loading",), 3, "rectangle"), ()),
-        (Case("spectrum", ("added_mass", "frequency_drift"), 3751252574), ()),
+        pytest.param(
+            Case("spectrum", ("added_mass", "frequency_drift"), 3751252574),
+            (),
+            marks=pytest.mark.slow,
+        ),
         (Case("series", ("gas_damping",), 2), ("gas_damping",)),
     ],
     ids=lambda value: "-".join(value.causes) if isinstance(value, Case) else "",

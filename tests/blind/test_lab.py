@@ -73,6 +73,7 @@ def test_the_laboratory_s_stack_reflects_as_transfer_matrices_say() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_laboratory_s_film_with_holes_bends_as_femnl_s_does() -> None:
     model = device("perforated")
     other = perforated()
@@ -89,6 +90,7 @@ def test_the_laboratory_s_film_with_holes_bends_as_femnl_s_does() -> None:
     assert np.abs(theirs * (ratio / ratio.mean() - 1)).max() < 0.5 * 2.0 * HolesBench.less
 
 
+@pytest.mark.slow
 def test_the_laboratory_s_film_with_holes_has_the_shapes_of_femnl_s_beside_the_holes() -> None:
     model = device("perforated")
     film = model.film

@@ -170,7 +170,7 @@ def test_the_plates_published_hardening_is_that_of_converged_polynomials() -> No
         (0.1, 20, 1, 1.2e-5),
         (1e-2, 40, 1, 5e-6),
         (1e-3, 80, 0.6, 3e-6),
-        (1e-4, 160, 0.3, 1.2e-5),
+        pytest.param(1e-4, 160, 0.3, 1.2e-5, marks=pytest.mark.slow),
     ],
 )
 def test_frequencies_hold_from_the_stiff_plate_to_the_thinnest_film(

@@ -25,7 +25,9 @@ OUTSIDE = [name for name, case in CASES.items() if case.data.file]
 
 # One number of each case in SI, worked out by hand from the source: group, dataset, index, value.
 KNOWN = {
+    "es2m_softening": ("series", "frequency", 2, 417899.07),
     "jones_rubber_drum": ("spectrum", "frequency", 2, 158.0),
+    "packaging_curing": ("series", "temperature", 3, 663.15),
     "reid2001_kettledrum": ("spectrum", "frequency", 3, 366.0),
     "reid2001_membrane_in_air": ("spectrum", "frequency", 1, 220.5),
     "rossing1982_timpano_without_bowl": ("spectrum", "frequency", 4, 417.0),
@@ -99,6 +101,8 @@ def test_the_file_that_a_case_makes_is_a_measurement_of_its_device(
 @pytest.mark.skipif(not DATA.is_dir(), reason="the published data are not beside the repository")
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_published_files_make_a_measurement(name: str, tmp_path: Path) -> None:
+    if not (DATA / str(CASES[name].data.file)).exists():
+        pytest.skip(f"{CASES[name].data.file} is not beside the repository")
     path = tmp_path / "case.nc"
     measurement.write(published.to_measurement(CASES[name], DATA), path)
     (group,) = measurement.read(path).children.values()
