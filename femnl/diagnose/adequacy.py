@@ -17,6 +17,8 @@ TAIL = 20
 """Simulated sets in the tail below which the p-value is extrapolated."""
 CERTAIN = 1e-6
 """p-value, by Bonferroni's inequality, below which none is simulated."""
+PORTION = 4096
+"""Data whose directions are multiplied at once."""
 EXACT = 5000
 """Residuals up to which whole sets of them are drawn; beyond, only what tests see of them."""
 BESIDE = ("chi-square", "outlier", "neighbours")
@@ -107,7 +109,7 @@ class Adequacy:
         Outlier and neighbours are as good as independent of it.
         """
         degrees = self.result.degrees
-        values, vectors = np.linalg.eigh(self._bases @ self._bases.T)
+        values, vectors = np.linalg.eigh(self._overlaps)
         kept = values > 1e-10
         drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
         squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
@@ -119,14 +121,22 @@ class Adequacy:
 
     def _squares(self, residuals: Array) -> Array:
         """Return what tests of directions and effects see of residuals (m, n): χ² (m, n_tests)."""
-        # In one product: a long row is read once for all tests
-        return _summed((residuals @ self._bases.T) ** 2, self._sizes)
+        along = [np.empty((len(residuals), 0)), *(residuals @ test.basis.T for test in self.found)]
+        return _summed(np.concatenate(along, axis=1) ** 2, self._sizes)
 
-    @cached_property
-    def _bases(self) -> Array:
-        """Directions (n_directions, n) of all tests, one test after the other."""
-        none = np.empty((0, len(self.result.residuals)))
-        return np.concatenate([none, *(test.basis for test in self.found)])
+    @property
+    def _overlaps(self) -> Array:
+        """Products (n_directions, n_directions) of the directions of all tests.
+
+        They are added up over portions of the data: all directions of a large map at once take as
+        much memory as all else.
+        """
+        total = np.zeros((int(self._sizes.sum()),) * 2)
+        for begin in range(0, len(self.result.residuals), PORTION):
+            portion = slice(begin, begin + PORTION)
+            some = np.concatenate([test.basis[:, portion] for test in self.found])
+            total += some @ some.T
+        return total
 
     @cached_property
     def _sizes(self) -> NDArray[np.int64]:

@@ -38,6 +38,8 @@ LAGS = 64
 """Residuals along a line over which a remainder may be correlated."""
 UNCORRELATED = 0.05
 """Correlation below which neighbours count as independent."""
+PORTION = 4096
+"""Data whose slopes are multiplied at once: of a large map all take much memory."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
         distortions(done_by(candidate, base, effect), result.model.base_model) for effect in effects
     ]
     n_ways = [part.shape[1] for part in ways]
-    seen = _Seen(result, np.concatenate([np.empty((len(result.residuals), 0)), *ways], 1), allowed)
+    seen = _Seen(result, ways, allowed)
 
     def sizes(factor: float) -> Array:
         """Return the standard deviation of each distortion (n_distortions,)."""
@@ -153,18 +155,28 @@ class _Seen:
     The products of long columns, which are the same whatever the accuracy of the equations.
     """
 
-    def __init__(self, result: FitResult, ways: Array, allowed: Discrepancy) -> None:
-        """Take the ways (n, n_distortions) in which equations may miss."""
+    def __init__(self, result: FitResult, ways: list[Array], allowed: Discrepancy) -> None:
+        """Take the ways (n, n_distortions) in which the equation of each cause may miss."""
         self._result = result
         self._allowed = allowed
         low, high = result.model.bounds
         self._width = high - low
-        slopes = np.concatenate([result.jacobian * self._width, ways], axis=1)
         directions = allowed.directions
-        self._inside = directions @ slopes
+        columns = sum(part.shape[1] for part in (result.jacobian, *ways))
+        self._inside = np.zeros((len(directions), columns))
+        self._across = np.zeros((columns, columns))
+        self._pull = np.zeros(columns)
+        for begin in range(0, len(result.residuals), PORTION):
+            at = slice(begin, begin + PORTION)
+            slopes = np.concatenate(
+                [result.jacobian[at] * self._width, *(part[at] for part in ways)], axis=1
+            )
+            self._inside += directions[:, at] @ slopes
+            self._across += slopes.T @ slopes
+            self._pull += slopes.T @ result.residuals[at]
         self._seen = directions @ result.residuals
-        self._across = slopes.T @ slopes - self._inside.T @ self._inside
-        self._pull = slopes.T @ result.residuals - self._inside.T @ self._seen
+        self._across -= self._inside.T @ self._inside
+        self._pull -= self._inside.T @ self._seen
 
     def log_evidence(self, missed: Array) -> float:
         """Return the logarithm of evidence where equations are as accurate as stated.

@@ -10,7 +10,7 @@ from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.score_test import ScoreTest, beside, chi_square_tail
+from femnl.diagnose.score_test import ScoreTest, beside, chi_square_tail, stored
 from femnl.diagnose.strength_slopes import Index, chord, tangents
 from femnl.fits.least_squares import FitResult
 from femnl.observe.extended import ExtendedModel
@@ -19,7 +19,9 @@ T = TypeVar("T")
 N_SHAPES = {0: 1, 1: 128, 2: 128, 3: 128}
 """Trial shapes of an effect with that many parameters that only shape it."""
 AT_ONCE = 16
-"""Shapes that are tried at once; more of them fill the memory where data are many."""
+"""Shapes that are tried at once."""
+RESIDUALS_AT_ONCE = 400_000
+"""Residuals of all of them; more fill the memory where data are many."""
 SECANT = 0.05
 """Part of the misfit that an effect's tangent spans where the misfit is large."""
 
@@ -70,7 +72,7 @@ def effect_tests(
         ]
         return np.array(list(wider.residuals_of_each(np.array(vectors)))) - result.residuals
 
-    for mine in _portions(tried):
+    for mine in _portions(tried, len(result.residuals)):
         slopes = []
         for one in strengths:
             name = one.spec.name
@@ -95,11 +97,12 @@ def effect_tests(
     return found
 
 
-def _portions(shapes: list[T]) -> Iterator[list[T]]:
+def _portions(shapes: list[T], n_residuals: int) -> Iterator[list[T]]:
     """Yield the shapes that are tried at once: the first alone, since it finds the steps."""
+    at_once = min(AT_ONCE, max(RESIDUALS_AT_ONCE // n_residuals, 1))
     yield shapes[:1]
-    for first in range(1, len(shapes), AT_ONCE):
-        yield shapes[first : first + AT_ONCE]
+    for first in range(1, len(shapes), at_once):
+        yield shapes[first : first + at_once]
 
 
 def _trial_shapes(ranges: list[_Range]) -> list[dict[str, float]]:
@@ -153,7 +156,7 @@ def _effect_test(
     }
     explained = np.array(float(np.sum((basis @ result.residuals) ** 2)))
     p_value = float(chi_square_tail(explained, len(basis)))
-    return ScoreTest(effect.name, effect, basis, gain, p_value, named)
+    return ScoreTest(effect.name, effect, stored(basis), gain, p_value, named)
 
 
 def _at(spec: ParameterSpec, low: float, high: float, part: float) -> float:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtrc, erfc
 
 from femnl.core.effect import Effect
@@ -11,6 +12,9 @@ from femnl.core.readout import Array
 VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
 
+LONG = 20_000
+"""Residuals beyond which tests keep their directions in single precision."""
+
 
 @dataclass(frozen=True)
 class ScoreTest:
@@ -18,13 +22,13 @@ class ScoreTest:
 
     Gain in χ² from going there, its p-value, and where a fit would start.
 
-    effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents. strengths,
-    shape: linear estimate of the effect.
+    effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents, in single
+    precision where it is long (`stored`). strengths, shape: linear estimate of the effect.
     """
 
     name: str
     effect: Effect | None
-    basis: Array
+    basis: NDArray[np.floating]
     gain: float
     p_value: float
     values: dict[str, float]
@@ -37,6 +41,15 @@ class ScoreTest:
             for spec in (self.effect.parameters if self.effect else ())
             if spec.whole
         ]
+
+
+def stored(basis: Array) -> NDArray[np.floating]:
+    """Return a basis as a test keeps it.
+
+    Hundreds of tests of a large map would take half a gigabyte. In single precision squares along
+    directions are right to 1e-7 of χ².
+    """
+    return basis.astype(np.float32) if basis.shape[1] > LONG else basis
 
 
 def beside(own: Array, tangents: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from femnl.core.effect import Effect, Values
 from femnl.core.readout import Array
 from femnl.diagnose.effect_tests import effect_tests
-from femnl.diagnose.score_test import ScoreTest, beside, chi_square_tail
+from femnl.diagnose.score_test import ScoreTest, beside, chi_square_tail, stored
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult
 
@@ -47,7 +47,12 @@ def score_tests(
             gain = float(np.sum((basis @ result.residuals) ** 2))
             found.append(
                 ScoreTest(
-                    name, None, basis, gain, float(chi_square_tail(np.array(gain), len(basis))), {}
+                    name,
+                    None,
+                    stored(basis),
+                    gain,
+                    float(chi_square_tail(np.array(gain), len(basis))),
+                    {},
                 )
             )
     base, values = result.model.split(result.vector)
