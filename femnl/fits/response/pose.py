@@ -23,7 +23,7 @@ from femnl.observe.response.sweeps import Sweeps, collect
 from femnl.observe.response.timing import timing
 
 LARGER = 2.0
-"""Part of a background that hides the resonance up to which backgrounds are sought."""
+"""Times the background that hides the resonance: up to there backgrounds are sought."""
 FAR_BETTER = 4.0
 """Factor by which a background must lower χ² before it is taken to hide the resonance."""
 
@@ -121,7 +121,7 @@ def _first_fit(
         values, sign = find()
     else:
         digest = hashlib.sha256(clear.frequency.tobytes() + clear.voltage.tobytes())
-        values, sign = checkpoint.recall(f"first fit of sweeps {digest.hexdigest()}", find)
+        values, sign = checkpoint.recall(f"first fit of sweeps, or beside a background, {digest.hexdigest()}", find)
     return int(sign[0]), dict(zip([*names, "background"], values.tolist(), strict=True))
 
 
