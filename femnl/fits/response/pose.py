@@ -121,7 +121,8 @@ def _first_fit(
         values, sign = find()
     else:
         digest = hashlib.sha256(clear.frequency.tobytes() + clear.voltage.tobytes())
-        values, sign = checkpoint.recall(f"first fit of sweeps, or beside a background, {digest.hexdigest()}", find)
+        what = f"first fit of sweeps, or beside a background, {digest.hexdigest()}"
+        values, sign = checkpoint.recall(what, find)
     return int(sign[0]), dict(zip([*names, "background"], values.tolist(), strict=True))
 
 
