@@ -196,6 +196,28 @@ def test_a_predicted_response_meets_the_data_it_was_fitted_to() -> None:
     assert chi2 == pytest.approx(fit.chi2_reduced, abs=0.02)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_leak_of_thirty_times_the_resonance_hides_it_at_no_drive(sign: int) -> None:
+    rng = np.random.default_rng(1)
+    drives = np.array([0.5, 1.0, 2.0])
+    frequency = np.linspace(2.93224e6, 2.93256e6, 161) + np.zeros((3, 1))
+    away = frequency - 2.9324003e6
+    gain = 0.4 / (1 + 2j * away / 4) + (4.4 + 10.9j) * (1 + 1e-4 * away)
+    noise = 2e-3 * (rng.standard_normal(away.shape) + 1j * rng.standard_normal(away.shape))
+    volts = drives[:, None] * gain + noise
+    data = response(
+        frequency,
+        volts if sign > 0 else volts.conj(),
+        drive=drives,
+        direction=[1, 1, 1],
+        noise_sd=2e-3,
+    )
+    fit = fit_response(data, "complex")
+    assert fit.chi2_reduced < 1.2
+    assert abs(pull(fit, "frequency", 2.9324003e6)) < 4
+    assert abs(pull(fit, "linewidth", 4.0)) < 4
+
+
 def test_bounds_hold_and_name_what_they_limit() -> None:
     data = simulate()
     fit = fit_response(data, bounds={"alpha_ratio": (0.0, 8.0)})

@@ -1,6 +1,5 @@
 """From driven sweeps in a file to their model: the Duffing mode that fits them first."""
 
-import hashlib
 from collections.abc import Mapping
 
 import numpy as np
@@ -9,12 +8,10 @@ import xarray as xr
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
-from femnl.core.fit import Fit
 from femnl.core.readout import Array
-from femnl.fits.response.choice import CONJUGATED, sign_of_phase, turned
-from femnl.fits.response.fit import first_layout, fit_response
+from femnl.fits.response.choice import CONJUGATED, turned
+from femnl.fits.response.first_fit import first_fit
 from femnl.fits.response.spikes import without_spikes
-from femnl.fits.response.tried import ADEQUATE
 from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.response.extent import extent
@@ -23,9 +20,7 @@ from femnl.observe.response.sweeps import Sweeps, collect
 from femnl.observe.response.timing import timing
 
 LARGER = 2.0
-"""Times the background that hides the resonance: up to there backgrounds are sought."""
-FAR_BETTER = 4.0
-"""Factor by which a background must lower χ² before it is taken to hide the resonance."""
+"""How often as strong as the background that hides the resonance backgrounds may be."""
 
 
 def pose(
@@ -43,7 +38,7 @@ def pose(
         )
     count = sweeps.n_positions
     place = ("",) if count == 1 else tuple(f"[{p}]" for p in range(count))
-    sign, fitted = _first_fit(without_spikes(dataset, sweeps.noise), place, checkpoint)
+    sign, fitted = first_fit(without_spikes(dataset, sweeps.noise), place, checkpoint)
     sweeps = turned(sweeps, sign)
     mode = _mode(dataset, film, fitted["frequency"])
     alpha = float(film.alpha[mode])
@@ -96,76 +91,6 @@ def pose(
         ),
         hidden=fitted["background"] > 0,
     )
-
-
-def _first_fit(
-    dataset: xr.Dataset, place: tuple[str, ...], checkpoint: Checkpoint | None
-) -> tuple[int, dict[str, float]]:
-    """Return the sign of the phase, and the values of a fit of one mode by their names.
-
-    Each process of a diagnosis poses the sweeps: the checkpoint keeps for the others what the first
-    one found in seconds.
-
-    Args: place: how names end, by position.
-    """
-    clear = collect(dataset)
-    names = ["frequency", "linewidth", f"alpha_y{place[0]}"]
-    names += [f"{name}{end}" for name in ("y_max", "phase") for end in place]
-
-    def find() -> tuple[Array, Array]:
-        sign = sign_of_phase(clear, first_layout(clear, "complex"))
-        fitted, background = _fitted(dataset, sign, place, clear.reference)
-        return np.array([*(fitted[name] for name in names), background]), np.array([sign])
-
-    if checkpoint is None:
-        values, sign = find()
-    else:
-        digest = hashlib.sha256(clear.frequency.tobytes() + clear.voltage.tobytes())
-        what = f"first fit of sweeps, or beside a background, {digest.hexdigest()}"
-        values, sign = checkpoint.recall(what, find)
-    return int(sign[0]), dict(zip([*names, "background"], values.tolist(), strict=True))
-
-
-def _fitted(
-    dataset: xr.Dataset, sign: int, place: tuple[str, ...], reference: float
-) -> tuple[Fit, float]:
-    """Return a fit of one mode, and how strong the background is [V/V] that hides it, or 0.
-
-    Damping that grows with the amplitude, or a background, is in it where that describes the data.
-    Whether they are there is for the diagnosis to say; here they only make the start safe. A
-    background that is weaker than the resonance hides nothing: the mode is found without it.
-    """
-    found: list[Fit] = []
-    for damped in (True, False):
-        fitted = fit_response(
-            dataset,
-            "complex",
-            background="none",
-            duffing=True,
-            delay=True,
-            phase_sign=sign,
-            nonlinear_damping=damped,
-        )
-        if fitted.chi2_reduced < ADEQUATE:
-            return fitted, 0.0
-        found.append(fitted)
-    best = min(found, key=lambda one: one.chi2_reduced)
-    beside = fit_response(
-        dataset, "complex", background="slope", duffing=True, delay=True, phase_sign=sign
-    )
-    background = max(_leak(beside, name, reference) for name in place)
-    resonance = max(beside[f"y_max{name}"] for name in place)
-    hidden = background > resonance and beside.chi2_reduced < best.chi2_reduced / FAR_BETTER
-    return (beside, background) if hidden else (best, 0.0)
-
-
-def _leak(fitted: Fit, place: str, reference: float) -> float:
-    """Return how strong the background at a place is by the drive [V/V].
-
-    Args: reference: the strongest drive [V], to which a background that does not grow counts.
-    """
-    real, imag = (fitted.parameters[f"background_{part}{place}"] for part in ("real", "imag"))
-    return float(np.hypot(real.value, imag.value)) / (1.0 if real.unit == "V/V" else reference)
 
 
 def _base(
