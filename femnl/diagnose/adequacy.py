@@ -111,7 +111,9 @@ class Adequacy:
         degrees = self.result.degrees
         values, vectors = np.linalg.eigh(self._overlaps)
         kept = values > 1e-10
-        drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
+        # Drawn along the directions themselves: rounding may turn or mirror the vectors
+        along = rng.standard_normal((N_DRAWS, len(values)))
+        drawn = along @ vectors[:, kept]
         squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
         of_tests = _smallest(_summed(squares, self._sizes), self._sizes)
         total = np.sum(drawn**2, axis=1) + rng.chisquare(degrees - int(kept.sum()), N_DRAWS)
@@ -134,7 +136,8 @@ class Adequacy:
         total = np.zeros((int(self._sizes.sum()),) * 2)
         for begin in range(0, len(self.result.residuals), PORTION):
             portion = slice(begin, begin + PORTION)
-            some = np.concatenate([test.basis[:, portion] for test in self.found])
+            # Products in single precision would make dependent directions look independent
+            some = np.concatenate([test.basis[:, portion] for test in self.found], dtype=float)
             total += some @ some.T
         return total
 

@@ -15,6 +15,7 @@ from femnl import load
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Placement
+from femnl.diagnose import score_test
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.criticism import criticise
 from femnl.diagnose.score_tests import score_tests
@@ -100,6 +101,24 @@ def test_a_p_value_too_small_to_be_simulated_counts_every_look() -> None:
     # Six waves, one pattern, and χ², the largest outlier and the neighbours.
     assert own.p_value == pytest.approx(2 * norm.sf(6), rel=1e-3)
     assert found.p_value == pytest.approx(10 * own.p_value, rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.0, 3.0, 1e4])
+def test_single_precision_of_long_tests_changes_no_p_value(
+    size: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count = score_test.LONG + 1
+    place = np.linspace(-1, 1, count)
+    bend = np.cos(7 * place)
+    data = np.random.default_rng(7).standard_normal(count) + size * bend / np.linalg.norm(bend)
+    sides = {"halves": np.sign(place), **{f"wave{k}": np.cos(k * place) for k in range(1, 20)}}
+    model = Level(data, np.arange(count) * 4 // count, HALF, sides)
+    result = fit(ExtendedModel(model), np.array([0.0]))
+    short = criticise(result, [])
+    assert score_tests(result, [])[0].basis.dtype == np.float32
+    monkeypatch.setattr(score_test, "LONG", count)
+    assert score_tests(result, [])[0].basis.dtype == np.float64
+    assert short.p_value == pytest.approx(criticise(result, []).p_value, rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -356,6 +356,14 @@ def test_warmth_gas_and_light_act_on_a_resonance_as_their_equations_say() -> Non
     np.testing.assert_allclose(1e5 / lit.quality_factor, [1, 1.01, 1.1], rtol=1e-12)
 
 
+def test_a_film_that_warmth_slackens_has_no_frequency() -> None:
+    control = {"temperature": np.array([290.0, 300.0, 310.0])}
+    plain = Points(np.full(3, 1e6), np.full(3, 1e5), control)
+    slack = changed("thermal_stress", "points", plain, slope=0.2)
+    assert isinstance(slack, Points)
+    np.testing.assert_allclose(slack.frequency, [1e6 * 3**0.5, 1e6, 0.0], rtol=1e-14)
+
+
 def test_the_spot_of_a_gaussian_beam_has_half_its_radius_as_standard_deviation() -> None:
     radius = 3e-6
     s = np.linspace(-5 * radius, 5 * radius, 2001)
