@@ -63,8 +63,8 @@ class Effect:
     stage; else each laser has its own.
     couples_blocks: whether what it does to one step, sweep or place depends on the motion at
     another.
-    pointwise: whether each point of a sweep is changed by the parameters and by what is at that
-    point alone, so that parameters may be arrays, one value a point.
+    pointwise: whether it takes arrays of parameters: one value a point of sweeps, each of which is
+    changed by what is at that point alone, or (m, 1) beside lines (m, n) of spectra of m films.
     one_material: whether its equation holds for a film of one material alone, so that films with
     layers that have a shape are diagnosed without it.
     accuracy: part of what it does to the data that its equation may miss on real devices, and why.

@@ -114,6 +114,9 @@ class ModalSystem:
 class Lines:
     """Stage `frequencies`: what is read off for each measured mode, (n,) [Hz].
 
+    Of m films at once all of these arrays but `time` have a row of modes for each, (m, n), and the
+    density of the film is (m, 1).
+
     time (n,) [s]: when it was measured, empty where that was not recorded. loss (n,): 1/Q, empty
     where no quality factor was measured. participation (3, n): squared share in each mode of a
     rigid motion of the film, up and down, tilting along x, and along y: (∫ρhφξ)²/(∫ρhφ² ∫ρhξ²).

@@ -12,7 +12,7 @@ def radiate(lines: Lines, values: Values) -> Lines:
     """Add the power of the force, and of the torques, with which each mode shakes the chip."""
     if not len(lines.loss):
         return lines
-    ratio = lines.frequency / lines.frequency.min()
+    ratio = lines.frequency / lines.frequency.min(axis=-1, keepdims=True)
     heave, along, across = lines.participation
     monopole = values["monopole"] * ratio**3 * heave
     dipole = values["monopole"] * values["dipole"] ** 2 * ratio**5 * (along + across)
@@ -56,4 +56,5 @@ EFFECT = Effect(
     "twice the loss and the other none",
     sentence="the edge radiates sound into the chip",
     needs=("quality_factor",),
+    pointwise=True,
 )

@@ -12,7 +12,8 @@ MOTIONS = ("heave", "tilt_x", "tilt_y")
 
 def pull(lines: Lines, values: Values) -> Lines:
     """Couple each mode to the frame, and take the eigenvalue that begins at the mode's own."""
-    shares = np.array([values[name] for name in MOTIONS]) ** 2 @ lines.participation
+    motions = zip(MOTIONS, lines.participation, strict=True)
+    shares = np.sum([values[name] ** 2 * part for name, part in motions], axis=0)
     own = lines.frequency**2
     frame = values["frame_frequency"] ** 2 * (1 + 1j * values["frame_loss"])
     half = (own - frame) / 2
@@ -77,4 +78,5 @@ EFFECT = Effect(
     "out, and so is what a frame makes of a pair of one frequency, (1,3) ± (3,1) of "
     "a square",
     sentence="a resonance of the frame moves the film's edge and pulls the modes near it",
+    pointwise=True,
 )

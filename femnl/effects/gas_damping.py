@@ -19,7 +19,8 @@ def damp_lines(lines: Lines, values: Values) -> Lines:
     """The same for every mode at one pressure, c ∝ 1/f from the lowest mode on."""
     if not len(lines.loss):
         return lines
-    more = values["per_pressure"] * lines.pressure * lines.frequency.min() / lines.frequency
+    lowest = lines.frequency.min(axis=-1, keepdims=True)
+    more = values["per_pressure"] * lines.pressure * lowest / lines.frequency
     return replace(lines, loss=lines.loss + more)
 
 
@@ -49,4 +50,5 @@ EFFECT = Effect(
     sentence="gas damps the motion in proportion to its pressure",
     needs=("pressure", "quality_factor"),
     one_material=True,
+    pointwise=True,
 )

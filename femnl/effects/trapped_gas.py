@@ -49,7 +49,7 @@ def stiffen_points(points: Points, values: Values) -> Points:
 
 def _times(square: Array, values: Values) -> Array:
     """Return the escape time 1/(D k²) of each mode, from that of the lowest."""
-    return np.asarray(values["escape_time"] * square.min() / square)
+    return np.asarray(values["escape_time"] * square.min(axis=-1, keepdims=True) / square)
 
 
 EFFECT = Effect(
@@ -89,4 +89,5 @@ EFFECT = Effect(
     sentence="gas trapped between film and wafer stiffens the film",
     needs=("gap", "highest_pressure"),
     one_material=True,
+    pointwise=True,
 )

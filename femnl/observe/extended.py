@@ -80,7 +80,7 @@ class ExtendedModel:
         the other, as millions of residuals fill the memory.
         """
         at_once = self.base_model.residuals_of_many
-        if at_once is None or not all(effect.pointwise for effect in self.effects):
+        if at_once is None or not all(self._takes_many(effect) for effect in self.effects):
             yield from map(self.residuals, vectors)
             return
         ways, way = np.unique(self._ways(vectors), axis=0, return_inverse=True)
@@ -91,6 +91,11 @@ class ExtendedModel:
             together = at_once(self.effects, base, values)
             found |= dict(zip(rows.tolist(), together, strict=True))
         yield from (found[row] for row in range(len(vectors)))
+
+    def _takes_many(self, effect: Effect) -> bool:
+        """Whether an effect takes many sets of parameters at once."""
+        together = self.base_model.stages_of_many
+        return effect.pointwise or effect.changes.keys().isdisjoint(together)
 
     def _ways(self, vectors: Array) -> Array:
         """Return what (m, k) of vectors (m, p) must be equal for them to be computed at once.

@@ -44,7 +44,8 @@ class MeasurementModel(ABC):
     kind: as effects name it. base: parameters of the base model. start (n_base,): their values
     before any fit. scales: numbers that ranges of parameters count in (`ParameterSpec.scale`), and
     that effects may need. notes: for the report. needs_global_search: whether effects act by jumps,
-    so that they are sought from afar as well. jumps: base parameters that move jumps of the data,
+    so that they are sought from afar as well. stages_of_many: those that `residuals_of_many` runs
+    on many sets of parameters at once. jumps: base parameters that move jumps of the data,
     at which a fit may stop short. independent_blocks: groups of base parameters of which each moves
     residuals of its own, given by the mask (n_residuals,) of those, unless an effect
     `couples_blocks`. tells_noise: whether the data themselves tell their noise. estimates_noise:
@@ -61,6 +62,7 @@ class MeasurementModel(ABC):
     scales: Mapping[str, float]
     notes: tuple[str, ...]
     needs_global_search: bool = False
+    stages_of_many: tuple[Stage, ...] = ()
     jumps: tuple[str, ...] = ()
     tells_noise: bool = False
     estimates_noise: bool = False
@@ -149,8 +151,8 @@ class MeasurementModel(ABC):
         """What returns `residuals` of m sets of parameters at once, (m, n_residuals).
 
         None, unless a kind says otherwise: one after another. It is asked only with effects that
-        are `pointwise`, with strengths that vanish in all sets or in none, and with the same whole
-        numbers in all.
+        are `pointwise` where they act at `stages_of_many`, with strengths that vanish in all sets
+        or in none, and with the same whole numbers in all.
         """
         return None
 

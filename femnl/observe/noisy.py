@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
-from femnl.core.effect import Effect, Kind, ParameterSpec, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Stage, Values
 from femnl.core.readout import Array
 from femnl.observe.model import ManyResiduals, MeasurementModel, Named, Thinned
 from femnl.observe.residuals import Layout, apart
@@ -55,6 +55,7 @@ class NoisyModel(MeasurementModel):
     scales: Mapping[str, float]
     notes: tuple[str, ...]
     needs_global_search: bool
+    stages_of_many: tuple[Stage, ...]
     jumps: tuple[str, ...]
     tells_noise = True
 
@@ -235,6 +236,7 @@ def with_noise(bare: MeasurementModel, noise: FoundNoise) -> MeasurementModel:
         scales=bare.scales,
         notes=(*bare.notes, *_told(noise)),
         needs_global_search=bare.needs_global_search,
+        stages_of_many=bare.stages_of_many,
         jumps=bare.jumps,
     )
 

@@ -12,7 +12,8 @@ from femnl.core.readout import Array
 from femnl.fits.spectrum.labels import Named, named_modes
 from femnl.mechanics.gas import crossing_time, free_molecular_loss
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.spectrum.model import SpectrumModel, ranks
+from femnl.observe.spectrum.matching import ranks
+from femnl.observe.spectrum.model import SpectrumModel
 
 LEAST = 3
 """Usable modes that a diagnosis needs."""

@@ -51,6 +51,7 @@ class ResponseModel(MeasurementModel):
     """
 
     kind = "response"
+    stages_of_many = ("oscillator", "signal", "acquisition")
     tells_noise = True
     jumps = ("peak",)
 

@@ -12,20 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curve, Curves
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import Effect, ManyValues, ParameterSpec, Values
 from femnl.core.memo import recent, recent_of
 from femnl.core.numbers import plain, signed
 from femnl.core.readout import Array
-from femnl.core.stages import Lines, ModalSystem
+from femnl.core.stages import ModalSystem
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import MeasurementModel, Named, apply, remembering
+from femnl.observe.many_sets import columns, of_set, one_set, part_of
+from femnl.observe.model import ManyResiduals, MeasurementModel, Named, apply, remembering
 from femnl.observe.residuals import Quantity, Ranked
 from femnl.observe.score_directions import smooth_film
-from femnl.observe.spectrum.by_label import ReadOff, by_label
 from femnl.observe.spectrum.eigen import eigen, squares
+from femnl.observe.spectrum.films import Films, Solved, bent_part, with_densities
+from femnl.observe.spectrum.matching import Index, by_label, by_rank
 
 NEXT = 8
 """Unmeasured modes that are offered as the next measurement."""
+AT_ONCE = 16
+"""Films that are read off at once; their matrices still lie in the cache of a processor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +47,7 @@ class SpectrumModel(MeasurementModel):
 
     kind = "spectrum"
     needs_global_search = True
+    stages_of_many = ("frequencies",)
 
     frequency: Array
     sd: Array
@@ -183,43 +188,75 @@ class SpectrumModel(MeasurementModel):
         These are, in order: ℓ, the quality factor Q of each mode where it is known, and c where it
         is.
         """
-        frequency, content, bare, system = self._solved(effects, base, values)
-        _, mass, unchanged = self._bare(base["speed"], base["bending_length"])
-        own_loss = None
-        if len(self._rated):
-            bent = self._bent_part(frequency, content / np.sqrt(mass)[:, None], system)
-            own_loss = base["intrinsic_loss"] * bent
+        one = self._of_films(effects, one_set(base), [one_set(own) for own in values])
+        return one.reshape(-1)
 
-        def read_off(measured: NDArray[np.int64], changed: NDArray[np.int64]) -> Lines:
+    @property
+    def residuals_of_many(self) -> ManyResiduals:
+        """Those of films that are solved one after another, and read off at once."""
+
+        def of_many(
+            effects: Sequence[Effect], base: ManyValues, values: Sequence[ManyValues]
+        ) -> Array:
+            count = len(base["speed"])
+            return np.concatenate(
+                [
+                    self._of_films(
+                        effects, part_of(base, few), [part_of(own, few) for own in values]
+                    )
+                    for few in (slice(k, k + AT_ONCE) for k in range(0, count, AT_ONCE))
+                ]
+            )
+
+        return of_many
+
+    def _of_films(
+        self, effects: Sequence[Effect], base: ManyValues, values: Sequence[ManyValues]
+    ) -> Array:
+        """Return the residuals (m, n_residuals) of m films."""
+        count = len(base["speed"])
+        solved = [
+            self._solved(effects, of_set(base, k), [of_set(own, k) for own in values])
+            for k in range(count)
+        ]
+        films = Films(
+            np.stack([one.frequency for one in solved]),
+            np.stack([one.vectors for one in solved]),
+            np.stack([one.mass for one in solved]),
+            self._loss_of(solved, base) if len(self._rated) else np.empty((count, 0)),
+            with_densities([one.film for one in solved]),
+        )
+        numbers = [columns(own) for own in values]
+
+        def read_off(measured: Index, changed: Index) -> tuple[Array, Array]:
             # Without labels and losses no vectors are solved for; the film's own modes stand for
             # them.
-            parts = content[:, changed] ** 2 if content.size else self._unmixed[:, measured]
-            lines = Lines(
-                frequency[changed],
-                self.time[measured] if len(self.time) else self.time,
-                np.empty(0) if own_loss is None else own_loss[changed],
-                self._participation @ parts,
-                unchanged.film,
-                self.film.gap,
-                self.pressure,
+            lines = films.lines(changed, self._participation, self._unmixed[:, measured])
+            lines = replace(
+                lines,
+                time=self.time[measured] if len(self.time) else self.time,
+                gap=self.film.gap,
+                pressure=self.pressure,
             )
-            return apply("frequencies", lines, effects, values)
+            lines = apply("frequencies", lines, effects, numbers)
+            return lines.frequency.reshape(count, -1), lines.loss.reshape(count, -1)
 
         if self.label:
-            found, loss = by_label(
-                (self.target @ content) ** 2, bare[self.order], self.frequency, self.sd, read_off
-            )
+            own = np.stack([one.own[self.order] for one in solved])
+            share = (self.target @ films.content) ** 2
+            found, loss = by_label(share, own, self.frequency, self.sd, read_off)
         else:
-            found, loss = self._by_rank(frequency, read_off)
-        quality = self.quality_factor[self._rated] - 1 / loss[self._rated]
+            found, loss = by_rank(films.frequency, self.order, self.frequency, read_off)
+        quality = self.quality_factor[self._rated] - 1 / loss[:, self._rated]
         speed, speed_sd = self.known_speed or (0.0, 1.0)
         return np.concatenate(
             [
                 (self.frequency - found) / self.sd,
-                [(base["bending_length"] / self.film.bending_length - 1) / self.bending_sd],
+                (base["bending_length"][:, None] / self.film.bending_length - 1) / self.bending_sd,
                 quality / self.quality_factor_sd[self._rated],
-                self._told * (base["speed"] - speed) / speed_sd,
-            ]
+                self._told * (base["speed"][:, None] - speed) / speed_sd,
+            ],
+            axis=1,
         )
 
     @cached_property
@@ -232,40 +269,24 @@ class SpectrumModel(MeasurementModel):
         """1/Q of each base mode in units of the loss angle of bending, (n,), at the latest ℓ."""
         return recent(self.film.bending_share_at)
 
-    def _bent_part(self, frequency: Array, vectors: Array, system: ModalSystem) -> Array:
-        """Return the part of bending in the energy of each changed mode, (n_changed,).
-
-        Σ ξᵢξⱼ √(sᵢsⱼ) (K − what bending does not follow)ᵢⱼ / ω², with s of `_share`.
-
-        Args: vectors (base, changed): ξ, of modal mass 1.
-        """
+    def _loss_of(self, solved: Sequence[Solved], base: ManyValues) -> Array:
+        """Return the loss of each changed mode by its bending, (m, n_changed)."""
         # The cubic in ℓ may cross zero far from the geometry's own
-        share = np.maximum(self._share(system.bending_length), 0.0)
-        shapes = np.sqrt(share)[:, None] * vectors
-        energy = np.sum(shapes * ((system.stiffness - system.unbent) @ shapes), axis=0)
-        omega = 2 * np.pi * frequency
-        return np.asarray(np.divide(energy, omega**2, out=np.zeros_like(energy), where=omega > 0))
+        share = [np.maximum(self._share(one.system.bending_length), 0.0) for one in solved]
+        return base["intrinsic_loss"][:, None] * bent_part(solved, np.stack(share))
 
     @cached_property
     def _participation(self) -> Array:
         """Squared share of each base mode in the rigid motions of the film, (3, n)."""
         return self.film.rigid**2 / self.film.modes.effective_mass
 
-    def _solved(
-        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
-    ) -> tuple[Array, Array, Array, ModalSystem]:
-        """Return the frequencies of the changed modes, and the base modes of modal mass 1 in them.
-
-        (base, changed), whose squares are shares; the own frequency of each base mode; and the
-        matrices of the changed film.
-
-        Where nothing has a label or a quality factor the vectors are left out.
-        """
-        plain, mass, system = self._bare(base["speed"], base["bending_length"])
-        system = self._operators(system, effects, values)
+    def _solved(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Solved:
+        """Return a changed film, without vectors where nothing has a label or a quality factor."""
+        plain, mass, bare = self._bare(base["speed"], base["bending_length"])
+        system = self._operators(bare, effects, values)
         square, vectors = self._eigen(system)
         frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
-        return frequency, vectors * np.sqrt(mass)[:, None], plain, system
+        return Solved(frequency, vectors, plain, mass, bare.film, system)
 
     def _unchanged(self, speed: float, bending_length: float) -> tuple[Array, Array, ModalSystem]:
         """Return frequencies and masses of the unchanged film's modes, and its matrices."""
@@ -297,27 +318,13 @@ class SpectrumModel(MeasurementModel):
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
         """Return the next modes that were not measured; their pairs by rising frequency."""
-        frequency, _, _, _ = self._solved(effects, base, values)
+        frequency = self._solved(effects, base, values).frequency
         missing = [k for k in range(max(self.order) + 1 + NEXT) if k not in self.order][:NEXT]
         names = [self.film.modes.label[k] or f"({k + 1})" for k in missing]
         return {
             f"the frequency of mode {name}": frequency[[k]] / np.median(self.sd)
             for name, k in zip(names, missing, strict=True)
         }
-
-    def _by_rank(self, frequency: Array, read_off: ReadOff) -> tuple[Array, Array]:
-        """Return frequency and loss of each measured mode, which goes to a changed one by rank.
-
-        Ranks are those of one moment: two close modes may have been measured in the wrong order by
-        a film that drifts.
-
-        Args: frequency: of every changed mode. read_off: what is read off for measured modes of
-            changed ones.
-        """
-        everyone = np.arange(len(self.sd))
-        moved = read_off(everyone, self.order).frequency / frequency[self.order]
-        lines = read_off(everyone, ranks(self.frequency / moved))
-        return lines.frequency, lines.loss
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Return the frequencies, mode by mode."""
@@ -359,10 +366,3 @@ class SpectrumModel(MeasurementModel):
             f"modes {', '.join(parts)} deviate most from the simulated film; rms "
             f"{plain(float(np.sqrt(np.mean(deviation**2))), 3)}σ"
         )
-
-
-def ranks(frequency: Array) -> NDArray[np.int64]:
-    """Return the rank (n,) of each frequency, from 0."""
-    order = np.empty(len(frequency), dtype=np.int64)
-    order[np.argsort(frequency, kind="stable")] = np.arange(len(frequency))
-    return order
