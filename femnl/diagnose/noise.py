@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import poisson
 
 from femnl.core.readout import Array
-from femnl.diagnose.noise_level import MEDIAN_VARIANCE, noise_level
+from femnl.diagnose.noise_level import CLEAR, MEDIAN_VARIANCE, noise_level
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.observe.noisy import FoundNoise
 from femnl.observe.residuals import Layout
@@ -35,8 +35,13 @@ def found_noise(
     # In the quieter half of the data few glitches count as noise
     factor, _ = noise_level(residuals, layout, dropped, bare=False)
     dropped |= _glitches(residuals, layout, dropped, factor)
-    glitches = tuple(int(i) for i in np.flatnonzero(dropped))
-    return FoundNoise(glitches, *noise_level(residuals, layout, dropped, bare))
+    level = noise_level(residuals, layout, dropped, bare)
+    if bare:
+        lone = _lone(residuals, layout, dropped, *level)
+        if lone.any():
+            dropped |= lone
+            level = noise_level(residuals, layout, dropped, bare)
+    return FoundNoise(tuple(int(i) for i in np.flatnonzero(dropped)), *level)
 
 
 def standing_out(residuals: Array, layout: Layout) -> FoundNoise:
@@ -68,6 +73,31 @@ def _glitches(
     count = int(np.sum(layout.datum >= 0))
     few = np.sum(found | dropped) <= MOST_GLITCHES * count
     return found if few else np.zeros(len(residuals), dtype=bool)
+
+
+def _lone(
+    residuals: Array,
+    layout: Layout,
+    dropped: NDArray[np.bool_],
+    factor: float,
+    correlation: float,
+) -> NDArray[np.bool_]:
+    """Return which residuals (n,) stand out from noise that is all that there is beside them.
+
+    The scatter around a datum is known from few others, so that a glitch may be no more than they
+    make by chance, and still be too much for the noise of all. None are where the others are more
+    than noise: then a model misses the data.
+    """
+    known = ~dropped & (layout.datum >= 0)
+    away = np.where(known, np.abs(residuals) / factor, 0.0)
+    datum = np.unique(layout.datum[away > outlier_limit(away[known])])
+    found = _of(np.setdiff1d(datum, _recurring(layout, datum, residuals)), layout) & known
+    others = known & ~found
+    count = int(others.sum())
+    spread = float(np.sqrt(2 * count * (1 + correlation**2) / (1 - correlation**2)))
+    noise = float(np.sum(away[others] ** 2)) <= count + CLEAR * spread
+    few = np.sum(found | dropped) <= MOST_GLITCHES * int(np.sum(layout.datum >= 0))
+    return found if noise and few else np.zeros(len(residuals), dtype=bool)
 
 
 def _outlying(

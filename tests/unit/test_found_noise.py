@@ -106,6 +106,35 @@ def test_two_glitches_that_chance_puts_at_one_frequency_are_glitches() -> None:
     assert set(at) <= set(found.glitches)
 
 
+def widely_scattered(residuals: Array, layout: Layout) -> int:
+    """Return the datum whose neighbours scatter most."""
+    around = np.where(layout.near >= 0, residuals[layout.near], np.nan)
+    middle = np.nanmedian(around, axis=1, keepdims=True)
+    return int(np.argmax(np.nanmedian(np.abs(around - middle), axis=1)))
+
+
+def test_a_glitch_among_data_that_scatter_by_chance_stands_out_from_the_noise_of_all() -> None:
+    for seed in SEEDS:
+        residuals = white(seed)
+        at = widely_scattered(residuals, sweeps())
+        residuals[at] = 5.5
+        assert at not in found_noise(residuals, sweeps(), FoundNoise()).glitches
+        assert at in found_noise(residuals, sweeps(), FoundNoise(), bare=True).glitches
+
+
+def test_bare_noise_loses_a_datum_to_chance_in_one_file_in_fifty_at_most() -> None:
+    found = [found_noise(white(seed), sweeps(), FoundNoise(), bare=True) for seed in range(100)]
+    assert sum(bool(noise.glitches) for noise in found) <= 6
+
+
+def test_a_datum_beyond_the_noise_of_all_is_no_glitch_where_a_model_misses_others() -> None:
+    residuals = white(2)
+    at = widely_scattered(residuals, sweeps())
+    residuals[at] = 5.5
+    misfit = np.cos(np.linspace(0, 40, len(residuals)))
+    assert at not in found_noise(residuals + misfit, sweeps(), FoundNoise(), bare=True).glitches
+
+
 def test_a_tenth_more_noise_than_stated_is_found_where_a_model_leaves_bare_noise() -> None:
     drawn = [1.1 * white(seed) for seed in range(40)]
     found = [found_noise(noise, sweeps(), FoundNoise(), bare=True).factor for noise in drawn]
