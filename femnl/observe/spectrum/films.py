@@ -9,7 +9,7 @@ import numpy as np
 
 from femnl.core.device import Film
 from femnl.core.readout import Array
-from femnl.core.stages import Lines, ModalSystem
+from femnl.core.stages import ModalSystem
 from femnl.observe.spectrum.matching import Index
 
 
@@ -49,30 +49,28 @@ class Films:
         """Base modes of modal mass 1 in the changed ones, (m, n, n_changed); squares are shares."""
         return self.vectors * np.sqrt(self.mass)[:, :, None]
 
-    def lines(self, changed: Index, participation: Array, unmixed: Array) -> Lines:
-        """Return lines (m, k), or (k,) of one film, of the changed modes (m, k).
+    def read_off(self, changed: Index) -> tuple[Array, Array]:
+        """Return frequency (m, k) and loss (m, k) of changed modes (m, k); no loss is (m, 0)."""
+        films = np.arange(len(changed))[:, None]
+        loss = self.loss[films, changed] if self.loss.size else self.loss
+        return self.frequency[films, changed], loss
 
-        Args: participation (3, n): of each base mode. unmixed (n, k): shares of base modes that
-            stand for those of the changed ones, where no vectors are known.
-        """
-        if self.content.size:
-            parts = np.take_along_axis(self.content, changed[:, None, :], 2) ** 2
-        else:
-            parts = np.broadcast_to(unmixed, (len(changed), *unmixed.shape))
-        shape = changed.shape if len(changed) > 1 else changed.shape[1:]
-        loss = np.take_along_axis(self.loss, changed, 1).reshape(shape) if self.loss.size else None
-        return Lines(
-            np.take_along_axis(self.frequency, changed, 1).reshape(shape),
-            np.empty(0),
-            np.empty(0) if loss is None else loss,
-            np.moveaxis(participation @ parts, 1, 0).reshape(3, *shape),
-            self.film,
-        )
+    def participation(self, changed: Index, own: Array) -> Array:
+        """Return that of changed modes (m, k), (3, m, k), given that of base modes, (3, n)."""
+        films = np.arange(len(changed))[:, None]
+        return np.asarray((own @ self.content**2).transpose(1, 0, 2)[:, films, changed])
+
+
+def together(rows: Sequence[Array]) -> Array:
+    """Return arrays of one shape as rows of one array; of a single one nothing is copied."""
+    return rows[0][None] if len(rows) == 1 else np.array(rows)
 
 
 def with_densities(films: Sequence[Film]) -> Film:
     """Return films that differ in their density alone as one, its density (m, 1) beside lines."""
     first = films[0]
+    if len(films) == 1:
+        return first
     density = np.array([film.density for film in films])
     if np.all(density == first.density):
         return first
@@ -87,8 +85,8 @@ def bent_part(solved: Sequence[Solved], share: Array) -> Array:
 
     Args: share (m, n): s, that part of each base mode.
     """
-    stiffness = np.stack([one.system.stiffness - one.system.unbent for one in solved])
-    shapes = np.sqrt(share)[:, :, None] * np.stack([one.vectors for one in solved])
+    stiffness = together([one.system.stiffness - one.system.unbent for one in solved])
+    shapes = np.sqrt(share)[:, :, None] * together([one.vectors for one in solved])
     energy = np.sum(shapes * (stiffness @ shapes), axis=1)
-    omega = 2 * np.pi * np.stack([one.frequency for one in solved])
+    omega = 2 * np.pi * together([one.frequency for one in solved])
     return np.asarray(np.divide(energy, omega**2, out=np.zeros_like(energy), where=omega > 0))

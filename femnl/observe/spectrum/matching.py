@@ -1,7 +1,6 @@
 """Which changed mode each measured one is, by its label or by its rank."""
 
 from collections.abc import Callable
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +32,10 @@ def by_label(
     each measured one [Hz]. frequency and sd (n,) [Hz]: as measured.
     """
     chosen = _assigned(share)
+    films = np.arange(len(chosen))[:, None]
     everyone = np.arange(chosen.shape[1])
-    mixed = np.take_along_axis(share, chosen[:, :, None], 2)[:, :, 0] < OWN
-    pairs = _exchanging(mixed, own)
+    mixed = share[films, everyone, chosen] < OWN
+    pairs = _exchanging(mixed, own) if mixed.any() else {}
     if not pairs:
         return read_off(everyone, chosen)
     some = sorted({mode for pair in pairs for mode in pair})
@@ -47,9 +47,7 @@ def by_label(
     square = ((frequency[some, None] - found[:, at]) / sd[some, None]) ** 2
     place = np.tile(everyone, (len(chosen), 1))
     place[:, some] = at[np.arange(len(some)), _partners(square, some, pairs)]
-    return np.take_along_axis(found, place, 1), np.take_along_axis(
-        loss, place, 1
-    ) if loss.size else loss
+    return found[films, place], loss[films, place] if loss.size else loss
 
 
 def _assigned(share: Array) -> Index:
@@ -66,12 +64,10 @@ def _assigned(share: Array) -> Index:
 
 def _exchanging(mixed: NDArray[np.bool_], own: Array) -> dict[tuple[int, int], NDArray[np.bool_]]:
     """Return the pairs of measured modes that may exchange labels, and in which films (m,)."""
-    pairs = {}
-    for i, j in combinations(np.flatnonzero(mixed.any(axis=0)).tolist(), 2):
-        may = mixed[:, i] & mixed[:, j] & (np.abs(own[:, i] / own[:, j] - 1) < CLOSE)
-        if may.any():
-            pairs[i, j] = may
-    return pairs
+    close = np.abs(own[:, :, None] / own[:, None, :] - 1) < CLOSE
+    may = close & mixed[:, :, None] & mixed[:, None, :]
+    pairs = np.argwhere(np.triu(may.any(axis=0), 1)).tolist()
+    return {(i, j): may[:, i, j] for i, j in pairs}
 
 
 def _partners(

@@ -16,14 +16,14 @@ from femnl.core.effect import Effect, ManyValues, ParameterSpec, Values
 from femnl.core.memo import recent, recent_of
 from femnl.core.numbers import plain, signed
 from femnl.core.readout import Array
-from femnl.core.stages import ModalSystem
+from femnl.core.stages import Lines, ModalSystem
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.many_sets import columns, of_set, one_set, part_of
 from femnl.observe.model import ManyResiduals, MeasurementModel, Named, apply, remembering
 from femnl.observe.residuals import Quantity, Ranked
 from femnl.observe.score_directions import smooth_film
 from femnl.observe.spectrum.eigen import eigen, squares
-from femnl.observe.spectrum.films import Films, Solved, bent_part, with_densities
+from femnl.observe.spectrum.films import Films, Solved, bent_part, together, with_densities
 from femnl.observe.spectrum.matching import Index, by_label, by_rank
 
 NEXT = 8
@@ -215,34 +215,46 @@ class SpectrumModel(MeasurementModel):
     ) -> Array:
         """Return the residuals (m, n_residuals) of m films."""
         count = len(base["speed"])
-        solved = [
-            self._solved(effects, of_set(base, k), [of_set(own, k) for own in values])
-            for k in range(count)
-        ]
+        sets = [[of_set(own, k) for own in values] for k in range(count)]
+        solved = [self._solved(effects, of_set(base, k), numbers) for k, numbers in enumerate(sets)]
         films = Films(
-            np.stack([one.frequency for one in solved]),
-            np.stack([one.vectors for one in solved]),
-            np.stack([one.mass for one in solved]),
+            together([one.frequency for one in solved]),
+            together([one.vectors for one in solved]),
+            together([one.mass for one in solved]),
             self._loss_of(solved, base) if len(self._rated) else np.empty((count, 0)),
             with_densities([one.film for one in solved]),
         )
-        numbers = [columns(own) for own in values]
+        acting = any("frequencies" in effect.changes for effect in effects)
+        beside_lines = sets[0] if count == 1 else [columns(own) for own in values]
 
         def read_off(measured: Index, changed: Index) -> tuple[Array, Array]:
-            # Without labels and losses no vectors are solved for; the film's own modes stand for
-            # them.
-            lines = films.lines(changed, self._participation, self._unmixed[:, measured])
-            lines = replace(
-                lines,
-                time=self.time[measured] if len(self.time) else self.time,
-                gap=self.film.gap,
-                pressure=self.pressure,
+            frequency, loss = films.read_off(changed)
+            if not acting:
+                return frequency, loss
+            if films.content.size:
+                participation = films.participation(changed, self._participation)
+            else:
+                # Without labels and losses no vectors are solved for; the film's own modes stand
+                # for them.
+                participation = np.repeat(
+                    self._participation[:, None, self.order[measured]], count, 1
+                )
+            # One film has lines (k,)
+            shape = changed.shape if count > 1 else changed.shape[1:]
+            lines = Lines(
+                frequency.reshape(shape),
+                self.time[measured] if len(self.time) else self.time,
+                loss.reshape(shape) if loss.size else np.empty(0),
+                participation.reshape(3, *shape),
+                films.film,
+                self.film.gap,
+                self.pressure,
             )
-            lines = apply("frequencies", lines, effects, numbers)
+            lines = apply("frequencies", lines, effects, beside_lines)
             return lines.frequency.reshape(count, -1), lines.loss.reshape(count, -1)
 
         if self.label:
-            own = np.stack([one.own[self.order] for one in solved])
+            own = together([one.own[self.order] for one in solved])
             share = (self.target @ films.content) ** 2
             found, loss = by_label(share, own, self.frequency, self.sd, read_off)
         else:
@@ -260,11 +272,6 @@ class SpectrumModel(MeasurementModel):
         )
 
     @cached_property
-    def _unmixed(self) -> Array:
-        """Share of each base mode in the base mode that each measured one goes by, (n_modes, n)."""
-        return np.eye(self.film.count)[:, self.order]
-
-    @cached_property
     def _share(self) -> Callable[[float], Array]:
         """1/Q of each base mode in units of the loss angle of bending, (n,), at the latest ℓ."""
         return recent(self.film.bending_share_at)
@@ -273,7 +280,7 @@ class SpectrumModel(MeasurementModel):
         """Return the loss of each changed mode by its bending, (m, n_changed)."""
         # The cubic in ℓ may cross zero far from the geometry's own
         share = [np.maximum(self._share(one.system.bending_length), 0.0) for one in solved]
-        return base["intrinsic_loss"][:, None] * bent_part(solved, np.stack(share))
+        return base["intrinsic_loss"][:, None] * bent_part(solved, together(share))
 
     @cached_property
     def _participation(self) -> Array:
