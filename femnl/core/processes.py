@@ -26,6 +26,11 @@ PROBE = 1.0
 """Seconds in which a host that is there accepts or refuses a connection."""
 ORPHANED = 3
 """Exit code of a process whose parent has gone, which nobody reads."""
+UNGUARDED = (
+    "a script that asks for more than one process keeps what it runs under "
+    'if __name__ == "__main__":'
+)
+"""What the processes say that load a script without that, and end."""
 _CONTEXT = get_context("spawn")  # a fork would copy the state of meshers and solvers
 
 
@@ -56,6 +61,9 @@ class Worker:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             self.process.start()
+        except RuntimeError as error:
+            # Python refuses this to a process that still loads the script of the one that began it
+            raise SystemExit(UNGUARDED) from error
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
