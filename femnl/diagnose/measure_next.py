@@ -7,11 +7,19 @@ from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.verdict import Judgement
 
+LEAST = 0.1
+"""σ below which two explanations fit alike."""
+
 
 def measure_next(judged: Judgement, found: list[Candidate]) -> str:
     """Name the measurement that best separates what is left, with the number of σ."""
     best = judged.chosen
-    others = [c for c in sorted(found, key=lambda c: -c.weight) if c is not best]
+    # What holds all named causes besides others is no other explanation
+    others = [
+        c
+        for c in sorted(found, key=lambda c: -c.weight)
+        if c is not best and not (best.names and set(best.names) <= set(c.names))
+    ]
     rivals = judged.rivals or tuple(others[:1])
     if not rivals and judged.verdict == "adequate":
         return (
@@ -25,6 +33,13 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
     other = " + ".join(rival.names) or "the base model"
     if judged.verdict == "explained":
         worse = float(np.sqrt(max(rival.result.chi2 - best.result.chi2, 0.0)))
+        more = rival.result.vector.size - best.result.vector.size
+        if worse < LEAST and more > 0:
+            needed = "one more parameter" if more == 1 else f"{more} more parameters"
+            return (
+                f"nothing is left to separate: the next best explanation, {other}, takes {needed} "
+                "to fit these data as well"
+            )
         return (
             f"nothing is left to separate: the next best explanation, {other}, is "
             f"{plain(worse, 3)}σ worse on these data"
