@@ -24,7 +24,7 @@ from femnl.observe.residuals import Quantity, Ranked
 from femnl.observe.score_directions import smooth_film
 from femnl.observe.spectrum.eigen import eigen, squares
 from femnl.observe.spectrum.films import Films, Solved, bent_part, together, with_densities
-from femnl.observe.spectrum.matching import Index, by_label, by_rank
+from femnl.observe.spectrum.matching import Index, ReadOff, by_label, by_rank
 
 NEXT = 8
 """Unmeasured modes that are offered as the next measurement."""
@@ -224,35 +224,8 @@ class SpectrumModel(MeasurementModel):
             self._loss_of(solved, base) if len(self._rated) else np.empty((count, 0)),
             with_densities([one.film for one in solved]),
         )
-        acting = any("frequencies" in effect.changes for effect in effects)
-        beside_lines = sets[0] if count == 1 else [columns(own) for own in values]
-
-        def read_off(measured: Index, changed: Index) -> tuple[Array, Array]:
-            frequency, loss = films.read_off(changed)
-            if not acting:
-                return frequency, loss
-            if films.content.size:
-                participation = films.participation(changed, self._participation)
-            else:
-                # Without labels and losses no vectors are solved for; the film's own modes stand
-                # for them.
-                participation = np.repeat(
-                    self._participation[:, None, self.order[measured]], count, 1
-                )
-            # One film has lines (k,)
-            shape = changed.shape if count > 1 else changed.shape[1:]
-            lines = Lines(
-                frequency.reshape(shape),
-                self.time[measured] if len(self.time) else self.time,
-                loss.reshape(shape) if loss.size else np.empty(0),
-                participation.reshape(3, *shape),
-                films.film,
-                self.film.gap,
-                self.pressure,
-            )
-            lines = apply("frequencies", lines, effects, beside_lines)
-            return lines.frequency.reshape(count, -1), lines.loss.reshape(count, -1)
-
+        numbers = sets[0] if count == 1 else [columns(own) for own in values]
+        read_off = self._reading(films, effects, numbers)
         if self.label:
             own = together([one.own[self.order] for one in solved])
             share = (self.target @ films.content) ** 2
@@ -270,6 +243,42 @@ class SpectrumModel(MeasurementModel):
             ],
             axis=1,
         )
+
+    def _reading(
+        self, films: Films, effects: Sequence[Effect], numbers: Sequence[Values]
+    ) -> ReadOff:
+        """Return what reads lines off changed films, with what effects make of them.
+
+        Args: numbers: parameters of each effect, beside lines (k,) of one film, (m, k) of m films.
+        """
+        count = len(films.frequency)
+        acting = any("frequencies" in effect.changes for effect in effects)
+
+        def read_off(measured: Index, changed: Index) -> tuple[Array, Array]:
+            frequency, loss = films.read_off(changed)
+            if not acting:
+                return frequency, loss
+            if films.content.size:
+                participation = films.participation(changed, self._participation)
+            else:
+                # Without labels and losses no vectors are solved for; the film's own modes stand
+                # for them.
+                unmixed = self._participation[:, None, self.order[measured]]
+                participation = np.repeat(unmixed, count, axis=1)
+            shape = changed.shape if count > 1 else changed.shape[1:]
+            lines = Lines(
+                frequency.reshape(shape),
+                self.time[measured] if len(self.time) else self.time,
+                loss.reshape(shape) if loss.size else np.empty(0),
+                participation.reshape(3, *shape),
+                films.film,
+                self.film.gap,
+                self.pressure,
+            )
+            lines = apply("frequencies", lines, effects, numbers)
+            return lines.frequency.reshape(count, -1), lines.loss.reshape(count, -1)
+
+        return read_off
 
     @cached_property
     def _share(self) -> Callable[[float], Array]:
