@@ -94,8 +94,10 @@ def _no_worse(
     enough, the values are one step nearer than the start.
     """
     base, earlier = result.model.split(result.vector)
+    # On the side of zero where it starts
     largest = {
-        spec.name: spec.high * scale_of(model.base_model, spec)
+        spec.name: (spec.high if values[spec.name] >= 0 else -spec.low)
+        * scale_of(model.base_model, spec)
         for spec in effect.parameters
         if spec.strength
     }

@@ -69,6 +69,13 @@ class Thresholds:
         1e3, "largest deviations of unknown cause that are allowed for, in σ", _BLIND
     )
     odds_per_cause: float = _threshold(0.1, "prior odds of one more cause", _BLIND)
+    clear_odds: float = _threshold(
+        3.0,
+        "odds by which a named set of causes must be likelier than the base model, even where that "
+        "leaves too much for chance: of 75 weak files, 3.5 to 16σ, two wrong names had odds of 0.3 "
+        "and 1.1, and right ones of 5σ and more at least 9",
+        _REALISTIC,
+    )
     most_rivals: int = _threshold(
         3, "rivals of the best set whose held-out prediction is computed", _BLIND
     )

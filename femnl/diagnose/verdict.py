@@ -15,6 +15,9 @@ from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.weighing import Weighed
 from femnl.diagnose.worker_pool import Run, in_turn
 
+CLEARLY = float(np.log(THRESHOLDS.clear_odds))
+"""Logarithm of the odds by which a named set must be likelier than the base model."""
+
 
 @dataclass(frozen=True)
 class Judgement:
@@ -132,6 +135,17 @@ def no_set_explains_the_data(weighed: Weighed) -> Judgement | None:
     return Judgement("unexplained", weighed.base, (), weighed.prior_share)
 
 
+def no_set_is_likelier_than_the_base(weighed: Weighed) -> Judgement | None:
+    """Sets explain the data, but each is as unlikely as that chance makes the base model miss them.
+
+    The base model leaves too much for chance, and so what deviates is neither of them.
+    """
+    least = weighed.base.weight + CLEARLY
+    if any(c.weight > least for c in weighed.viable):
+        return None
+    return Judgement("unexplained", weighed.base, (), weighed.prior_share)
+
+
 def only_set_predicts_no_better(weighed: Weighed) -> Judgement | None:
     """The one set left predicts held-out data no better than the base model: no explanation."""
     if weighed.rivals or weighed.predicts_better_than_base:
@@ -180,6 +194,7 @@ RULES: tuple[Rule, ...] = (
     several_sets_take_up_most_of_the_deviation,
     causes_explain_the_data_within_larger_noise,
     no_set_explains_the_data,
+    no_set_is_likelier_than_the_base,
     only_set_predicts_no_better,
     fewer_causes_may_suffice,
     one_set_stands_alone,

@@ -19,7 +19,6 @@ from femnl.diagnose.rivals import (
 )
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Run, in_turn
-from femnl.observe.noisy import without_noise
 
 
 @dataclass(frozen=True)
@@ -56,16 +55,13 @@ class Weighed:
 
         Each of their causes is worth its parameters. Several causes, or one that fits badly, must
         also outdo a smooth form of unknown cause, and several causes must outdo deviations at
-        random: in just the right ratio they imitate what the library lacks. Where the noise is an
-        estimate from the same data, the base model counts as one of the smaller sets.
+        random: in just the right ratio they imitate what the library lacks.
         """
         tried = self.found[1:]
-        bare = without_noise(self.base.result.model.base_model)
-        fewer = self.found if bare.estimates_noise else tried
         worth = [
             c
             for c in tried
-            if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in fewer)
+            if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)
         ]
         likely = [c for c in worth if c.viable]
         if any(len(c.names) > 1 for c in likely):

@@ -48,9 +48,7 @@ class MeasurementModel(ABC):
     on many sets of parameters at once. jumps: base parameters that move jumps of the data,
     at which a fit may stop short. independent_blocks: groups of base parameters of which each moves
     residuals of its own, given by the mask (n_residuals,) of those, unless an effect
-    `couples_blocks`. tells_noise: whether the data themselves tell their noise. estimates_noise:
-    whether the noise follows from the data alone, so that a misfit which is rare under it does not
-    yet make a cause worth its parameters. noise_factor: noise
+    `couples_blocks`. tells_noise: whether the data themselves tell their noise. noise_factor: noise
     that the model takes over the one stated, and correlation_length: how many neighbouring data it
     takes for one. left_out: glitches that never became residuals, where
     and by how many σ. ranked: residuals whose data go to predictions by rank.
@@ -65,7 +63,6 @@ class MeasurementModel(ABC):
     stages_of_many: tuple[Stage, ...] = ()
     jumps: tuple[str, ...] = ()
     tells_noise: bool = False
-    estimates_noise: bool = False
     noise_factor: float = 1.0
     correlation_length: float = 1.0
     left_out: tuple[tuple[str, float], ...] = ()

@@ -72,7 +72,6 @@ class DecayModel(MeasurementModel):
     """
 
     kind = "decay"
-    estimates_noise = True
 
     time: Array
     blocks_of_power: Blocks
