@@ -72,8 +72,7 @@ class Thresholds:
     clear_odds: float = _threshold(
         3.0,
         "odds by which a named set of causes must be likelier than the base model, even where that "
-        "leaves too much for chance: of 75 weak files, 3.5 to 16σ, two wrong names had odds of 0.3 "
-        "and 1.1, and right ones of 5σ and more at least 9",
+        "leaves too much for chance: docs/adr/0045-likelier-than-the-base.md",
         _REALISTIC,
     )
     most_rivals: int = _threshold(

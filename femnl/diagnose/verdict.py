@@ -53,7 +53,7 @@ def base_explains_the_data(weighed: Weighed) -> Judgement | None:
 
 def no_cause_is_worth_its_parameters(weighed: Weighed) -> Judgement | None:
     """The misfit is rare, but not too rare for chance, and no cause makes it likelier."""
-    if not weighed.base.viable or any(c.weight > weighed.base.weight for c in weighed.viable):
+    if not weighed.base.viable or _clearly_likelier(weighed):
         return None
     return Judgement("adequate", weighed.base, (), weighed.prior_share)
 
@@ -140,8 +140,7 @@ def no_set_is_likelier_than_the_base(weighed: Weighed) -> Judgement | None:
 
     The base model leaves too much for chance, and so what deviates is neither of them.
     """
-    least = weighed.base.weight + CLEARLY
-    if any(c.weight > least for c in weighed.viable):
+    if _clearly_likelier(weighed):
         return None
     return Judgement("unexplained", weighed.base, (), weighed.prior_share)
 
@@ -223,6 +222,11 @@ def judge(found: list[Candidate], run: Run = in_turn) -> Judgement:
         if judgement is not None:
             return replace(judgement, rule=_words(rule))
     raise AssertionError("the last rule always applies")
+
+
+def _clearly_likelier(weighed: Weighed) -> bool:
+    """Whether a set that explains the data is clearly likelier than the base model."""
+    return any(c.weight > weighed.base.weight + CLEARLY for c in weighed.viable)
 
 
 def _takes_up_most(candidate: Candidate, weighed: Weighed) -> bool:
