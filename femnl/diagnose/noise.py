@@ -21,13 +21,19 @@ ALIKE = np.radians(12)
 
 
 def found_noise(
-    residuals: Array, layout: Layout, known: FoundNoise, *, bare: bool = False
+    residuals: Array,
+    layout: Layout,
+    known: FoundNoise,
+    *,
+    bare: bool = False,
+    last: bool = False,
 ) -> FoundNoise:
     """Return the noise that the residuals of a fitted model show.
 
     Args: residuals (n,): in stated σ, of all data. layout: their neighbours. known: what was found
     before; its glitches stay. bare: whether the model leaves hardly more than noise, so that small
-    differences count too.
+    differences count too. last: whether causes have been sought, so that a datum which stands out
+    from the noise of all is left to none of them: a detector that clips a little leaves one, too.
     Valid: noise that is the same all over the data, but for glitches.
     """
     dropped = np.zeros(len(residuals), dtype=bool)
@@ -36,7 +42,7 @@ def found_noise(
     factor, _ = noise_level(residuals, layout, dropped, bare=False)
     dropped |= _glitches(residuals, layout, dropped, factor)
     level = noise_level(residuals, layout, dropped, bare)
-    if bare:
+    if last:
         lone = _lone(residuals, layout, dropped, *level)
         if lone.any():
             dropped |= lone
@@ -82,16 +88,21 @@ def _lone(
     factor: float,
     correlation: float,
 ) -> NDArray[np.bool_]:
-    """Return which residuals (n,) stand out from noise that is all that there is beside them.
+    """Return the residuals (n,) of one datum that stands out from noise, which is all else.
 
     The scatter around a datum is known from few others, so that a glitch may be no more than they
-    make by chance, and still be too much for the noise of all. None are where the others are more
-    than noise: then a model misses the data.
+    make by chance, and still be too much for the noise of all. There is none where the others are
+    more than noise, as then a model misses the data, or where two stand out, or neighbours do.
     """
     known = ~dropped & (layout.datum >= 0)
     away = np.where(known, np.abs(residuals) / factor, 0.0)
     datum = np.unique(layout.datum[away > outlier_limit(away[known])])
-    found = _of(np.setdiff1d(datum, _recurring(layout, datum, residuals)), layout) & known
+    if len(datum) != 1:
+        return np.zeros(len(residuals), dtype=bool)
+    found = _of(datum, layout) & known
+    beside = layout.near[found]
+    if np.any(dropped[beside[beside >= 0]]):
+        return np.zeros(len(residuals), dtype=bool)
     others = known & ~found
     count = int(others.sum())
     spread = float(np.sqrt(2 * count * (1 + correlation**2) / (1 - correlation**2)))

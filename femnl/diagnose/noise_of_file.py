@@ -112,7 +112,7 @@ def last_noise(best: Candidate, noise: Noise) -> Noise:
                 found[name] = FoundNoise(factor=best.factor)
             continue
         # Anew: what stood out from a misfit may be none
-        fresh = found_noise(residuals, around, FoundNoise(), bare=True)
+        fresh = found_noise(residuals, around, FoundNoise(), bare=True, last=True)
         if fresh.factor <= THRESHOLDS.largest_factor and not _same(fresh, known):
             found[name] = fresh
     return found

@@ -1,6 +1,7 @@
 """Spectra under many sets of parameters at once are what each set gives by itself."""
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel
 from femnl.observe.noisy import FoundNoise, with_noise
-from femnl.observe.spectrum.matching import CLOSE, OWN, by_label
+from femnl.observe.spectrum.matching import CLOSE, OWN, Index, by_label
 from femnl.observe.spectrum.model import AT_ONCE
 
 SETS = 7
@@ -26,7 +27,7 @@ def posed(geometry: str, *, labels: bool, losses: bool) -> MeasurementModel:
     """Return the model of a spectrum in gas, with times, and with or without labels and losses."""
     film = SimulatedFilm(load(geometry), 24)
     rng = np.random.default_rng(3)
-    known = {}
+    known: dict[str, Any] = {}
     if losses:
         known = {"quality_factor": np.geomspace(2e4, 4e5, N_MODES)}
         known["quality_factor_sd"] = 0.03 * known["quality_factor"]
@@ -51,7 +52,7 @@ CASES = {
 }
 
 
-@pytest.fixture(scope="module", params=CASES.values(), ids=CASES)
+@pytest.fixture(scope="module", params=list(CASES.values()), ids=list(CASES))
 def spectrum(request: pytest.FixtureRequest) -> MeasurementModel:
     geometry, labels, losses = request.param
     return posed(geometry, labels=labels, losses=losses)
@@ -111,15 +112,16 @@ def test_films_exchange_labels_as_one_after_another() -> None:
     measured = own[0] + 0.003 * rng.standard_normal(6)
     sd = rng.uniform(1e-4, 1e-3, 6)
 
-    def read_off(modes: Array, taken: Array) -> tuple[Array, Array]:
+    def read_off(modes: Index, taken: Index) -> tuple[Array, Array]:
         # What is read off may depend on the mode as measured, as on its time
-        return np.take_along_axis(changed, taken, 1) * (1 + 1e-4 * modes), 1.0 * taken
+        frequency = np.take_along_axis(changed, taken, 1) * (1 + 1e-4 * modes)
+        return np.asarray(frequency, float), np.asarray(taken, float)
 
     found, loss = by_label(share, own, measured, sd, read_off)
     exchanged = 0
     for k in range(len(share)):
         _, chosen = linear_sum_assignment(-share[k])
-        place = list(chosen)
+        place = chosen.tolist()
         for i, j in combinations(range(6), 2):
             mixed = all(share[k, m, chosen[m]] < OWN for m in (i, j))
             if mixed and abs(own[k, i] / own[k, j] - 1) < CLOSE:
