@@ -119,11 +119,10 @@ def test_effects_that_act_at_one_stage_commute_to_first_order(stage: Stage) -> N
     for first in acting:
         for second in acting:
             one = second.changes[stage](
-                first.changes[stage](VALUES[stage], numbers(first, 1e-6)), numbers(second, 1e-6)
+                first.changes[stage](VALUES[stage], numbers(first, 1e-8)), numbers(second, 1e-8)
             )
             other = first.changes[stage](
-                second.changes[stage](VALUES[stage], numbers(second, 1e-6)), numbers(first, 1e-6)
+                second.changes[stage](VALUES[stage], numbers(second, 1e-8)), numbers(first, 1e-8)
             )
             for a, b in zip(arrays(one), arrays(other), strict=True):
-                # Second order: a step of 1e-6 in a range of a thousand is 1e-3
-                np.testing.assert_allclose(a, b, rtol=1e-8)
+                np.testing.assert_allclose(a, b, rtol=1e-11)
