@@ -107,8 +107,7 @@ def _lone(
     count = int(others.sum())
     spread = float(np.sqrt(2 * count * (1 + correlation**2) / (1 - correlation**2)))
     noise = float(np.sum(away[others] ** 2)) <= count + CLEAR * spread
-    few = np.sum(found | dropped) <= MOST_GLITCHES * int(np.sum(layout.datum >= 0))
-    return found if noise and few else np.zeros(len(residuals), dtype=bool)
+    return found if noise else np.zeros(len(residuals), dtype=bool)
 
 
 def _outlying(

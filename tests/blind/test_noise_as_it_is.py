@@ -101,6 +101,14 @@ def test_large_glitches_side_by_side_near_a_resonance_are_found(tmp_path: Path) 
     assert len(clear) <= len(found.excluded) <= len(truth["glitches"]) + 2
 
 
+def test_a_glitch_among_samples_that_scatter_much_by_chance_is_found(tmp_path: Path) -> None:
+    draw = Draw("record", (), "glitches", "square-270um", 1395795356)
+    truth = make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc", effects=[library()["nonlinear_damping"]])
+    assert found.verdict == "adequate"
+    assert len(found.excluded) == len(truth["glitches"])
+
+
 def test_a_glitch_larger_than_every_signal_does_not_hide_a_detector_that_clips(
     tmp_path: Path,
 ) -> None:

@@ -18,6 +18,7 @@ from femnl.observe.model import MeasurementModel
 from femnl.observe.noisy import FoundNoise, with_noise
 from femnl.observe.spectrum.matching import CLOSE, OWN, Index, by_label
 from femnl.observe.spectrum.model import AT_ONCE
+from tests.unit.many_sets import alone, together
 
 SETS = 7
 N_MODES = 11
@@ -70,14 +71,6 @@ def drawn(model: ExtendedModel, rng: np.random.Generator, count: int = SETS) -> 
         elif spec.strength:
             vectors[:2, k] = 0.0
     return vectors
-
-
-def alone(model: ExtendedModel, vectors: Array) -> Array:
-    return np.array([model.residuals(vector) for vector in vectors])
-
-
-def together(model: ExtendedModel, vectors: Array) -> Array:
-    return np.array(list(model.residuals_of_each(vectors)))
 
 
 def test_every_cause_of_spectra_takes_many_sets(spectrum: MeasurementModel) -> None:

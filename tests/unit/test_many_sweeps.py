@@ -19,6 +19,7 @@ from femnl.observe.model import MeasurementModel
 from femnl.observe.noisy import FoundNoise, with_noise
 from femnl.observe.response.branches import duffing_branches
 from femnl.observe.response.many import AT_ONCE
+from tests.unit.many_sets import alone, together
 
 F0 = 2.9324e6
 WIDTH = 4.0
@@ -79,14 +80,6 @@ def drawn(model: ExtendedModel, rng: np.random.Generator) -> Array:
         elif spec.strength:
             vectors[:2, k] = 0.0
     return np.clip(vectors, low, high)
-
-
-def alone(model: ExtendedModel, vectors: Array) -> Array:
-    return np.array([model.residuals(vector) for vector in vectors])
-
-
-def together(model: ExtendedModel, vectors: Array) -> Array:
-    return np.array(list(model.residuals_of_each(vectors)))
 
 
 def test_every_cause_of_sweeps_takes_many_sets(sweeps: MeasurementModel) -> None:
