@@ -6,7 +6,7 @@ that is bending and one loss angle φ of the material.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,16 @@ from femnl.core.effect import Effect, ManyValues, ParameterSpec, Values
 from femnl.core.memo import recent, recent_of
 from femnl.core.numbers import plain, signed
 from femnl.core.readout import Array
-from femnl.core.stages import Lines, ModalSystem
+from femnl.core.stages import ModalSystem
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.many_sets import columns, of_set, one_set, part_of
-from femnl.observe.model import ManyResiduals, MeasurementModel, Named, apply, remembering
+from femnl.observe.model import ManyResiduals, MeasurementModel, Named, remembering
 from femnl.observe.residuals import Quantity, Ranked
 from femnl.observe.score_directions import smooth_film
 from femnl.observe.spectrum.eigen import eigen, squares
 from femnl.observe.spectrum.films import Films, Solved, bent_part, together, with_densities
-from femnl.observe.spectrum.matching import Index, ReadOff, by_label, by_rank
+from femnl.observe.spectrum.matching import by_label, by_rank
+from femnl.observe.spectrum.reader import LineReader
 
 NEXT = 8
 """Unmeasured modes that are offered as the next measurement."""
@@ -225,7 +226,7 @@ class SpectrumModel(MeasurementModel):
             with_densities([one.film for one in solved]),
         )
         numbers = sets[0] if count == 1 else [columns(own) for own in values]
-        read_off = self._reading(films, effects, numbers)
+        read_off = partial(self._reader.read_off, films, effects, numbers)
         if self.label:
             own = together([one.own[self.order] for one in solved])
             share = (self.target @ films.content) ** 2
@@ -244,42 +245,6 @@ class SpectrumModel(MeasurementModel):
             axis=1,
         )
 
-    def _reading(
-        self, films: Films, effects: Sequence[Effect], numbers: Sequence[Values]
-    ) -> ReadOff:
-        """Return what reads lines off changed films, with what effects make of them.
-
-        Args: numbers: parameters of each effect, beside lines (k,) of one film, (m, k) of m films.
-        """
-        count = len(films.frequency)
-        acting = any("frequencies" in effect.changes for effect in effects)
-
-        def read_off(measured: Index, changed: Index) -> tuple[Array, Array]:
-            frequency, loss = films.read_off(changed)
-            if not acting:
-                return frequency, loss
-            if films.content.size:
-                participation = films.participation(changed, self._participation)
-            else:
-                # Without labels and losses no vectors are solved for; the film's own modes stand
-                # for them.
-                unmixed = self._participation[:, None, self.order[measured]]
-                participation = np.repeat(unmixed, count, axis=1)
-            shape = changed.shape if count > 1 else changed.shape[1:]
-            lines = Lines(
-                frequency.reshape(shape),
-                self.time[measured] if len(self.time) else self.time,
-                loss.reshape(shape) if loss.size else np.empty(0),
-                participation.reshape(3, *shape),
-                films.film,
-                self.film.gap,
-                self.pressure,
-            )
-            lines = apply("frequencies", lines, effects, numbers)
-            return lines.frequency.reshape(count, -1), lines.loss.reshape(count, -1)
-
-        return read_off
-
     @cached_property
     def _share(self) -> Callable[[float], Array]:
         """1/Q of each base mode in units of the loss angle of bending, (n,), at the latest ℓ."""
@@ -292,9 +257,10 @@ class SpectrumModel(MeasurementModel):
         return base["intrinsic_loss"][:, None] * bent_part(solved, together(share))
 
     @cached_property
-    def _participation(self) -> Array:
-        """Squared share of each base mode in the rigid motions of the film, (3, n)."""
-        return self.film.rigid**2 / self.film.modes.effective_mass
+    def _reader(self) -> LineReader:
+        """Reads off what was measured of each mode."""
+        participation = self.film.rigid**2 / self.film.modes.effective_mass
+        return LineReader(self.time, self.order, participation, self.film.gap, self.pressure)
 
     def _solved(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Solved:
         """Return a changed film, without vectors where nothing has a label or a quality factor."""
