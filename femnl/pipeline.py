@@ -141,8 +141,8 @@ def solve_modes_near(
 
     def at_resolution(finer: float) -> Modes:
         from femnl.device.mesh import mesh, wave_at
+        from femnl.mechanics.modes import degrees_at_once, with_counterparts
         from femnl.mechanics.modes import solve_modes_near as solve_on_mesh
-        from femnl.mechanics.modes import with_counterparts
         from femnl.mechanics.prestress import solve_prestress
 
         wave = wave_at(model, frequency) if frequency > 0 else np.inf
@@ -155,7 +155,8 @@ def solve_modes_near(
             return solve_on_mesh(prestress, frequency, number, degree, stable)
 
         # Counterparts may lie beyond either end
-        return with_counterparts(model, at_degree, count, 2 * SPARE, DEGREE)
+        threads = degrees_at_once(domain, DEGREE)
+        return with_counterparts(model, at_degree, count, 2 * SPARE, DEGREE, threads)
 
     options = ("near", frequency, count, symmetry, resolution, DEGREE)
     return _alone(model, options, at_resolution, resolution, cache)

@@ -6,10 +6,15 @@ from numpy.typing import NDArray
 from scipy.special import jn_zeros
 
 from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.modes import Modes
 from femnl.device.geometry import parse
+from femnl.device.mesh import mesh
 from femnl.mechanics.fem.solvers import FACTOR_BYTES
+from femnl.mechanics.modes import solve_modes as solve_on_mesh
+from femnl.mechanics.modes import with_counterparts
 from femnl.mechanics.modes.dilution import bending_share
 from femnl.mechanics.modes.near import side_by_side
+from femnl.mechanics.prestress import solve_prestress
 from femnl.pipeline import solve_modes, solve_modes_near
 
 Array = NDArray[np.float64]
@@ -105,3 +110,16 @@ def test_as_many_sectors_are_solved_at_once_as_cores_and_half_of_the_memory_allo
     assert side_by_side(1000, 100 * one, 1) == 1
     assert side_by_side(1000, 7 * one, 4) == 3
     assert side_by_side(1000, one, 4) == 1
+
+
+def test_degrees_solved_at_once_give_the_modes_of_one_after_another() -> None:
+    model = parse(SQUARE)
+    domain = mesh(model, "auto", 0.5, 4)
+
+    def at_degree(count: int, degree: int) -> Modes:
+        return solve_on_mesh(solve_prestress(domain, degree), count, degree)
+
+    one, both = (with_counterparts(model, at_degree, 4, 4, 4, threads) for threads in (1, 2))
+    for own, other in zip(one.grades, both.grades, strict=True):
+        assert np.array_equal(own.frequency, other.frequency)
+        assert np.array_equal(own.shapes, other.shapes)

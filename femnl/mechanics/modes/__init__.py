@@ -1,7 +1,7 @@
 """Prestressed modes: frequencies, effective masses, shapes and labels."""
 
 from femnl.mechanics.modes.counterparts import align, certified, with_counterparts
-from femnl.mechanics.modes.near import solve_modes_near
+from femnl.mechanics.modes.near import degrees_at_once, solve_modes_near
 from femnl.mechanics.modes.points import ShapeValues, shape_at, shapes_at
 from femnl.mechanics.modes.solve import (
     solve_modes,
@@ -14,6 +14,7 @@ __all__ = [
     "ShapeValues",
     "align",
     "certified",
+    "degrees_at_once",
     "shape_at",
     "shapes_at",
     "solve_modes",

@@ -1,7 +1,9 @@
 """Modes with their counterparts at lower degrees, from which their errors are known."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -58,28 +60,52 @@ def certified(model: Model, solve: Callable[[float], Modes], resolution: float) 
 
 
 def with_counterparts(
-    model: Model, at_degree: Callable[[int, int], Modes], count: int, spare: int, degree: int
+    model: Model,
+    at_degree: Callable[[int, int], Modes],
+    count: int,
+    spare: int,
+    degree: int,
+    threads: int = 1,
 ) -> Modes:
     """Solve modes, and their counterparts of one and two degrees less for their errors.
 
     Args: at_degree: solves so many modes at a degree. spare: coarse modes beyond those asked for.
+        threads: how many degrees are solved at once.
     """
-    fine = at_degree(count, degree)
-    middle = align(at_degree(count + spare, degree - 1), fine)
-    try:
-        coarse = align(at_degree(count + spare, degree - 2), fine)
-    except ConvergenceError:
-        # Two degrees less may be too crude for the stress at a free edge, where it must not
-        # push. Without them nothing shows that the degrees converge, and the error bars are as
-        # wide as where they do not.
-        logging.getLogger("femnl").warning(
-            "%s: degree %d is too crude for this mesh; error bars are wide, raise the "
-            "resolution to narrow them",
-            model.name,
-            degree - 2,
-        )
-        return replace(fine, coarse=middle)
+    best, less, least = (count, degree), (count + spare, degree - 1), (count + spare, degree - 2)
+    with _begun(at_degree, (best, less, least), threads) as solved:
+        fine = solved(*best)
+        middle = align(solved(*less), fine)
+        try:
+            coarse = align(solved(*least), fine)
+        except ConvergenceError:
+            # Two degrees less may be too crude for the stress at a free edge, where it must not
+            # push. Without them nothing shows that the degrees converge, and the error bars are as
+            # wide as where they do not.
+            logging.getLogger("femnl").warning(
+                "%s: degree %d is too crude for this mesh; error bars are wide, raise the "
+                "resolution to narrow them",
+                model.name,
+                degree - 2,
+            )
+            return replace(fine, coarse=middle)
     return replace(fine, coarse=replace(middle, coarse=coarse))
+
+
+@contextmanager
+def _begun(
+    at_degree: Callable[[int, int], Modes], jobs: Sequence[tuple[int, int]], threads: int
+) -> Iterator[Callable[[int, int], Modes]]:
+    """Yield what does as at_degree: several threads begin its jobs before they are asked for."""
+    if threads == 1:
+        yield at_degree
+        return
+    pool = ThreadPoolExecutor(threads)
+    begun = {job: pool.submit(at_degree, *job) for job in jobs}
+    try:
+        yield lambda number, degree: begun[number, degree].result()
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def align(coarse: Modes, fine: Modes) -> Modes:

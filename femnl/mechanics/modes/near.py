@@ -95,8 +95,7 @@ class _Sectors:
         sought until none can hide one.
         """
         sectors = list(product((1, -1), repeat=min(self._domain.copies, 4) // 2))
-        cores = len(os.sched_getaffinity(0))
-        threads = side_by_side(self.operators.space.size, allowed_memory(SYSTEM), cores)
+        threads = _threads(self.operators.space.size)
         ask = dict.fromkeys(sectors, min(count + 1, count // len(sectors) + 3))
         found: dict[Parity, tuple[Array, Array]] = {}
         below: dict[Parity, int] = {}
@@ -146,3 +145,16 @@ def side_by_side(unknowns: int, memory: float, cores: int) -> int:
     """
     room = memory / 2 / (FACTOR_BYTES * unknowns)
     return int(np.clip(room, 1, cores))
+
+
+def degrees_at_once(domain: Domain, degree: int) -> int:
+    """Return how many degrees up to a highest are solved at once: two, if two sectors of it are.
+
+    One core were idle while the other assembles a degree. The factors of one degree less fit into
+    the other half of the memory.
+    """
+    return min(_threads(domain.mesh.nelements * degree**2 // 2), 2)
+
+
+def _threads(unknowns: int) -> int:
+    return side_by_side(unknowns, allowed_memory(SYSTEM), len(os.sched_getaffinity(0)))
