@@ -6,8 +6,8 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Signal
 
 _REASON = (
-    "as strong as the resonance, or twice the background beside which the mode is found where that "
-    "is stronger and hides it"
+    "as strong as the resonance, or as all that is seen at the first place, or twice a background "
+    "that is stronger than the resonance and hides it"
 )
 
 

@@ -38,7 +38,8 @@ def pose(
         )
     count = sweeps.n_positions
     place = ("",) if count == 1 else tuple(f"[{p}]" for p in range(count))
-    sign, fitted = first_fit(without_spikes(dataset, sweeps.noise), place, checkpoint)
+    clear = without_spikes(dataset, sweeps.noise)
+    sign, fitted = first_fit(clear, place, checkpoint)
     sweeps = turned(sweeps, sign)
     mode = _mode(dataset, film, fitted["frequency"])
     alpha = float(film.alpha[mode])
@@ -47,7 +48,7 @@ def pose(
     metre = float(np.sqrt(alpha / abs(ratio))) if ratio else slope[0] / 1e-7
     responsivity = [float(metre * s / slope[0]) for s in slope]
     peak = slope[0] / metre
-    leak = max(slope[0], LARGER * fitted["background"])
+    leak = max(slope[0], LARGER * fitted["background"], _highest(collect(clear)))
     softens = bool(ratio * alpha < 0)
     everywhere = extent(sweeps, np.array(responsivity), np.ones(len(sweeps.frequency), dtype=bool))
     when = timing(dataset, sweeps)
@@ -90,6 +91,17 @@ def pose(
             softens,
         ),
         hidden=fitted["background"] > 0,
+    )
+
+
+def _highest(sweeps: Sweeps) -> float:
+    """Return the largest voltage by the drive at the first place [V/V].
+
+    No leak is larger, while one that distorts the fit of the resonance may be larger than that fit.
+    """
+    here = sweeps.position == 0
+    return float(
+        np.max(np.abs(sweeps.voltage) / sweeps.drive, where=here, initial=0) / sweeps.reference
     )
 
 
