@@ -16,12 +16,14 @@ DRUM = "metallised-drum"
 HEXAGON = "hexagon-278um"
 PERFORATED = "perforated"
 HIDDEN = [
-    Case("electrode", ("layer_thickness",), 2, DRUM),
+    pytest.param(Case("electrode", ("layer_thickness",), 2, DRUM), marks=pytest.mark.slow),
     Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)),
     pytest.param(
         Case("spectrum", ("frequency_drift",), 5, SQUARE, (10.0, 60.0)), marks=pytest.mark.slow
     ),
-    Case("spectrum", ("shear_stress",), 2, SQUARE, (20.0, 60.0)),
+    pytest.param(
+        Case("spectrum", ("shear_stress",), 2, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow
+    ),
     Case("spectrum", ("bending_stiffness",), 4, SQUARE, (20.0, 60.0)),
     # At δ = ℓ the strength of the effect grows without moving the edge: a fit that begins below
     # gets caught there.
@@ -60,7 +62,7 @@ HIDDEN = [
     pytest.param(Case("spectrum", ("gas_loading",), 4, "rectangle"), marks=pytest.mark.slow),
     Case("spectrum", ("gas_damping",), 1),
     pytest.param(Case("spectrum", ("clamp_loss",), 2, "rectangle"), marks=pytest.mark.slow),
-    Case("spectrum", ("frame_mode",), 4, "rectangle"),
+    pytest.param(Case("spectrum", ("frame_mode",), 4, "rectangle"), marks=pytest.mark.slow),
     # Alone, the particle is found in another place than beside the other cause.
     pytest.param(
         Case("spectrum", ("added_mass", "shear_stress"), 3600138708), marks=pytest.mark.slow
@@ -77,7 +79,9 @@ HIDDEN = [
 LACKING = [
     pytest.param(Case("electrode", ("layer_thickness",), 1, DRUM), marks=pytest.mark.slow),
     Case("decay", ("energy_exchange",), 1, SQUARE, (100.0, 200.0)),
-    Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)),
+    pytest.param(
+        Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)), marks=pytest.mark.slow
+    ),
     Case("series", ("thermal_stress",), 2),
     # 6 to 9σ, spread over many data: seen by none but the looks at what the drive adds, at forces,
     # and at the strongest signals.
@@ -99,7 +103,8 @@ LACKING = [
 @pytest.mark.parametrize(
     ("kind", "geometry"),
     [
-        *((k, SQUARE) for k in ("spectrum", "response", "map", "series", "decay")),
+        *((k, SQUARE) for k in ("response", "map", "series", "decay")),
+        pytest.param("spectrum", SQUARE, marks=pytest.mark.slow),
         pytest.param("map", PERFORATED, marks=pytest.mark.slow),
     ],
 )
@@ -172,7 +177,9 @@ def test_on_a_hexagon_a_change_of_stress_is_told_in_every_direction_beside_a_gra
 @pytest.mark.parametrize(
     ("case", "lacking"),
     [
-        (Case("spectrum", ("gas_loading",), 3, "rectangle"), ()),
+        pytest.param(
+            Case("spectrum", ("gas_loading",), 3, "rectangle"), (), marks=pytest.mark.slow
+        ),
         pytest.param(
             Case("spectrum", ("added_mass", "frequency_drift"), 3751252574),
             (),
@@ -231,6 +238,7 @@ def test_causes_that_only_together_do_what_one_smooth_form_does_explain_nothing(
     assert (found.verdict, found.causes) == ("explained", case.causes)
 
 
+@pytest.mark.slow
 def test_a_weak_cause_beside_a_strong_one_is_told_as_possible(tmp_path: Path) -> None:
     # The clamp takes up as much as a particle's equation may miss, if that is right to 8 %
     both = ("added_mass", "compliant_clamp")

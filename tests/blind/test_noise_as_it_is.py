@@ -32,7 +32,9 @@ def test_sweeps_with_glitches_alone_are_adequate_and_the_glitches_are_listed(
         Draw("trace", (), "glitches", "square-270um", 1446199729),
         Draw("trace", (), "correlated noise", "square-270um", 5009),
         Draw("trace", (), "glitches", "square-270um", 6009),
-        Draw("response", (), "glitches", "square-270um", 6017),
+        pytest.param(
+            Draw("response", (), "glitches", "square-270um", 6017), marks=pytest.mark.slow
+        ),
         Draw("response", (), "glitches", "square-270um", 6030),
     ],
     ids=lambda draw: f"{draw.kind}-{draw.regime}-{draw.seed}",
@@ -144,7 +146,7 @@ def test_what_takes_up_most_of_another_cause_that_the_library_lacks_is_not_named
     ("cause", "seed"),
     [
         pytest.param("fano_background", 3196120473, marks=pytest.mark.slow),
-        ("quintic_stiffness", 1965972220),
+        pytest.param("quintic_stiffness", 1965972220, marks=pytest.mark.slow),
     ],
 )
 def test_what_takes_up_most_of_a_cause_of_sweeps_that_the_library_lacks_is_not_named(

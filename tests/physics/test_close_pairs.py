@@ -28,7 +28,7 @@ def pair(films: list[Film], quantity: str) -> tuple[Array, Array]:
     return bars, errors
 
 
-@pytest.mark.parametrize("bending", [True, False])
+@pytest.mark.parametrize("bending", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_the_sum_and_the_difference_on_a_square_array_do_not_mix(bending: bool) -> None:
     found = measure(Film("array", film(4, 4, bending=bending)))
     for quantity in SHAPES:

@@ -23,7 +23,11 @@ def drifting(bench: Bench, duration: float) -> Complex:
     return bench.volts(bench.amplitude(F0 * (1 + RATE * time)))
 
 
-@pytest.mark.parametrize("extra", [{"duration": 60.0}, {}], ids=["recorded", "without pause"])
+@pytest.mark.parametrize(
+    "extra",
+    [{"duration": 60.0}, pytest.param({}, marks=pytest.mark.slow)],
+    ids=["recorded", "without pause"],
+)
 def test_a_drift_within_sweeps_is_named_with_its_rate(
     extra: dict[str, float], tmp_path: Path
 ) -> None:

@@ -10,7 +10,7 @@ from tests.physics.driven_sweeps import Bench
 V = np.repeat([0.05, 0.1, 0.2, 0.4], 2)
 
 
-@pytest.mark.parametrize("third", [-0.15, 0.15])
+@pytest.mark.parametrize("third", [-0.15, pytest.param(0.15, marks=pytest.mark.slow)])
 def test_a_force_of_third_order_is_a_drive_that_does_not_follow(
     third: float, tmp_path: Path
 ) -> None:

@@ -224,6 +224,7 @@ def test_layers_as_good_as_the_film_change_nothing_but_the_dilution() -> None:
     assert solve_quality(modes).total == pytest.approx(own * dilution(modes)[0], rel=1e-9, abs=0)
 
 
+@pytest.mark.slow
 def test_a_soft_pad_loses_what_the_curvature_of_the_drum_under_it_stores() -> None:
     """Under so soft and light a pad the drum keeps J₀(kr): part ∫ κ : D : κ over the pad."""
     metal = QUALITY + 'shape = {kind = "circle", diameter = "40 um"}\n'

@@ -20,6 +20,7 @@ def seen(bench: Bench, place: tuple[float, float], theta: float) -> Complex:
     return np.asarray(0.02 * first * amplitude / np.abs(amplitude) * np.exp(0.4j))
 
 
+@pytest.mark.slow
 def test_two_places_see_one_motion_through_fringes_that_bend_as_they_move(
     tmp_path: Path,
 ) -> None:

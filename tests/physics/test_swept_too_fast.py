@@ -87,7 +87,8 @@ def filtered(bench: Bench, volts: Complex, tau: float, poles: int) -> Complex:
     return out
 
 
-@pytest.mark.parametrize(("tau", "poles"), [(0.5, 1), pytest.param(0.3, 4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("tau", "poles"), [(0.5, 1), (0.3, 4)])
 def test_a_slow_filter_is_named_with_what_it_keeps(tau: float, poles: int, tmp_path: Path) -> None:
     bench = Bench()
     volts = filtered(bench, bench.volts(bench.amplitude()), tau, poles)

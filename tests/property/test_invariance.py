@@ -79,7 +79,7 @@ def test_a_film_rings_the_same_wherever_it_is_drawn(plain: Solved, x: int, y: in
     agree(plain, solved(drawn(CORNERS + step, HOLES + step)))
 
 
-@pytest.mark.parametrize("away", [1e3, 5e7])
+@pytest.mark.parametrize("away", [pytest.param(1e3, marks=pytest.mark.slow), 5e7])
 def test_modes_of_one_frequency_are_turned_alike_far_from_the_origin(away: float) -> None:
     # (1,2) and (2,1) share a frequency, and α depends on how they are mixed. A mesh of half the
     # resolution, which has no symmetry, splits ω² by more than what counts as sharing.
@@ -141,7 +141,7 @@ def test_symmetry_is_found_about_the_middle_of_a_film(name: str, by: tuple[float
     assert there.mesh.nelements == pytest.approx(here.mesh.nelements, rel=0.05)
 
 
-@pytest.mark.parametrize("by", [(3e-4, 0.0), (-2e-3, 5e-3)])
+@pytest.mark.parametrize("by", [pytest.param((3e-4, 0.0), marks=pytest.mark.slow), (-2e-3, 5e-3)])
 def test_all_that_is_drawn_of_a_film_moves_with_it(by: tuple[float, float], tmp_path: Path) -> None:
     here = solve_modes(shipped("trampoline"), 4, cache=False)
     model = shipped("trampoline", by)
@@ -174,7 +174,7 @@ def test_modes_near_a_frequency_move_with_the_film() -> None:
     assert np.all(np.abs(here.frequency - there.frequency) < errors)
 
 
-@pytest.mark.parametrize("by", [(1e-3, 0.0), (0.3, -1.0)])
+@pytest.mark.parametrize("by", [pytest.param((1e-3, 0.0), marks=pytest.mark.slow), (0.3, -1.0)])
 def test_a_lattice_of_holes_is_condensed_wherever_the_film_lies(by: tuple[float, float]) -> None:
     home = replace(load("square-270um-perforated"), bending=False)
     near = Holes(home.holes.centres[np.abs(home.holes.centres).max(axis=1) < 40e-6], 0.9e-6)

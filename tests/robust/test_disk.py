@@ -26,7 +26,7 @@ from femnl.io.results.cache import kept
 
 DRUM = ["modes", "circle", "--count", "1", "--resolution", "0.5"]
 
-STEP = re.compile(r"solving for [\d,]+ unknowns … \d+ s")
+STEP = re.compile(r".*(meshing|solving for [\d,]+ unknowns) … \d+ s")
 """What a busy machine has time to tell of the solution."""
 
 

@@ -112,6 +112,7 @@ def test_another_stress_of_one_device_is_no_cause_of_the_library(
     assert words in cause.words
 
 
+@pytest.mark.slow
 def test_a_mass_that_loads_all_modes_alike_is_seen_by_the_speed_of_the_chip(
     tmp_path: Path,
 ) -> None:

@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 from femnl.cli._main import run
 from femnl.core.resonator import Resonator
 from femnl.device.geometry import load
+from femnl.diagnose import diagnose
 from femnl.io import measurement
 from femnl.observe.record.free_run import free_run, stages
 from femnl.pipeline import solve_modes
@@ -84,7 +85,6 @@ def test_an_overview_gives_a_labelled_spectrum_that_the_film_is_fitted_to(
 
 def test_an_overview_of_modes_without_names_is_fitted_and_diagnosed(
     fit: Callable[..., dict[str, Any]],
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     device = "circle"
     modes = solve_modes(load(device), 10)
@@ -108,9 +108,7 @@ def test_an_overview_of_modes_without_names_is_fitted_and_diagnosed(
     assert film["label"] == label
     scale = film["parameters"]["scale"]
     assert abs(scale["value"] - 1.05) < 4 * scale["sd"]
-    capsys.readouterr()
-    assert run(["diagnose", "o/s-wide-spectrum.nc", "--workers", "1", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["verdict"]
+    assert diagnose("o/s-wide-spectrum.nc", effects=[]).verdict
 
 
 def test_an_overview_without_a_device_lists_lines_without_labels(

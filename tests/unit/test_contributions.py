@@ -251,7 +251,13 @@ def test_of_several_measurements_each_has_its_own_sum(tmp_path: Path) -> None:
         np.testing.assert_allclose(rows["gas_damping"], change, atol=0.01 * own)
 
 
-@pytest.mark.parametrize("kind", ["spectrum", "response", "map", "series", "trace", "record"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param("spectrum", marks=pytest.mark.slow),
+        *("response", "map", "series", "trace", "record"),
+    ],
+)
 def test_every_datum_has_its_unit_and_its_place(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "file.nc"
     make(Case(kind, (), 2), path)

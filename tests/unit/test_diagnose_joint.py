@@ -174,6 +174,7 @@ def test_motion_in_metres_at_two_wavelengths_is_told_from_a_fringe(tmp_path: Pat
         assert abs(size.value - truth) < 4 * size.sd
 
 
+@pytest.mark.slow
 def test_rings_of_the_stack_at_two_wavelengths_are_told_from_motion(tmp_path: Path) -> None:
     found = diagnose(
         maps(tmp_path / "fringe.nc", stack=True), effects=[library()[name] for name in FEW]

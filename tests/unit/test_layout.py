@@ -96,7 +96,10 @@ def ends(model: Model) -> Any:
     return np.concatenate([curves.point_at(s, [0.0, 0.5]) for s in model.outline.segments])
 
 
-@pytest.mark.parametrize("name", ["circle", "hexagon-278um", "trampoline", "spider-web"])
+@pytest.mark.parametrize(
+    "name",
+    ["circle", "hexagon-278um", "trampoline", pytest.param("spider-web", marks=pytest.mark.slow)],
+)
 def test_frequencies_survive_a_round_trip(tmp_path: Path, name: str) -> None:
     before = load(name)
     path = tmp_path / "a.gds"

@@ -337,6 +337,7 @@ def test_what_takes_the_place_of_a_part_is_not_fitted_where_it_leaves_absurdly_m
     assert any("other" in candidate.names for candidate in found) == fitted
 
 
+@pytest.mark.slow
 def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
     # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a
     # circle of slopes.
