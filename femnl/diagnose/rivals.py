@@ -9,6 +9,8 @@ from femnl.fits.least_squares import CrossValidation
 
 EVEN = float(np.log(THRESHOLDS.even_odds))
 """Logarithm of the odds up to which a set is no less likely than another."""
+CLEARLY = float(np.log(THRESHOLDS.clear_odds))
+"""Logarithm of the odds by which a set must be likelier than another to be clearly so."""
 
 
 def may_imitate(candidate: Candidate) -> bool:
@@ -76,6 +78,16 @@ def may_be_right(candidate: Candidate, best: Candidate) -> bool:
         and best.p_value < THRESHOLDS.set_doubtful
         and _least_p(candidate) >= candidate.least_heldout
     )
+
+
+def likelier_if_inexact(candidate: Candidate, best: Candidate) -> bool:
+    """Whether one cause explains all data and is clearly likelier than the best viable set.
+
+    That it predicts a block badly may be chance, or that its equation is inexact. A set that the
+    data make less likely does not stand alone for that.
+    """
+    clearly = candidate.weight > best.weight + CLEARLY
+    return len(candidate.names) == 1 and candidate.viable and clearly
 
 
 def _least_p(candidate: Candidate) -> float:

@@ -10,13 +10,10 @@ import numpy as np
 
 from femnl.core.diagnosis import Verdict
 from femnl.diagnose.candidate import Candidate, Names
-from femnl.diagnose.rivals import EVEN, equals
+from femnl.diagnose.rivals import CLEARLY, EVEN, equals
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.weighing import Weighed
 from femnl.diagnose.worker_pool import Run, in_turn
-
-CLEARLY = float(np.log(THRESHOLDS.clear_odds))
-"""Logarithm of the odds by which a named set must be likelier than the base model."""
 
 
 @dataclass(frozen=True)

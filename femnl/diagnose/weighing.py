@@ -13,6 +13,7 @@ from femnl.diagnose.rivals import (
     contradicted,
     equals,
     free_form_evidence,
+    likelier_if_inexact,
     may_be_right,
     predicts_better,
     scatter_evidence,
@@ -92,8 +93,13 @@ class Weighed:
 
     @cached_property
     def doubted(self) -> list[Candidate]:
-        """Sets that differ from the best by some causes, and may be right for all that is known."""
-        return [c for c in self.found[1:] if c not in self.viable and may_be_right(c, self.best)]
+        """Sets that are not viable, and may be right for all that is known."""
+        return [
+            c
+            for c in self.found[1:]
+            if c not in self.viable
+            and (may_be_right(c, self.best) or likelier_if_inexact(c, self.best))
+        ]
 
     @cached_property
     def share(self) -> dict[Names, float]:

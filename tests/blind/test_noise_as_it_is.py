@@ -165,3 +165,16 @@ def test_one_of_two_sets_that_take_up_nearly_all_is_told_with_the_other(tmp_path
     assert found.verdict == "ambiguous"
     sets = {found.causes, *(rival.causes for rival in found.rivals)}
     assert sets == {("aspect_ratio",), ("stress_anisotropy",)}
+
+
+def test_a_cause_does_not_stand_alone_where_a_likelier_one_predicts_a_block_badly(
+    tmp_path: Path,
+) -> None:
+    """The readout bends by another law than the library's, and its fit is 170 times as likely."""
+    draw = Draw("response", ("nonlinear_readout",), "inexact", "square-270um", 1722664631)
+    make(draw, tmp_path / "file.nc")
+    known = [library()[name] for name in ("internal_resonance", "nonlinear_readout")]
+    found = diagnose(tmp_path / "file.nc", effects=known)
+    assert found.verdict == "ambiguous"
+    assert found.causes == ("nonlinear_readout",)
+    assert {other.causes for other in found.alternatives} >= {("internal_resonance",)}
