@@ -145,7 +145,7 @@ def weight_if_noisier(weight: float, result: FitResult) -> float:
 def scaled(result: FitResult) -> FitResult:
     """Return a fit whose noise is as large as its χ² says."""
     factor = factor_of(result)
-    return replace(result, residuals=result.residuals / factor, jacobian=result.jacobian / factor)
+    return replace(result, residuals=result.residuals / factor, slopes=result.slopes / factor)
 
 
 def factor_of(result: FitResult) -> float:

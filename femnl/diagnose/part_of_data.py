@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.fits.least_squares import FitResult, covariance, fit, improve
+from femnl.fits.least_squares import FitResult, covariance, fit, improve, stored
 from femnl.observe.extended import ExtendedModel
 
 ROUGH = 6
@@ -24,7 +24,7 @@ def in_part(result: FitResult) -> FitResult:
         model,
         result.vector,
         model.residuals(result.vector),
-        slopes,
+        stored(slopes),
         covariance(slopes, high - low),
         result.checkpoint,
     )

@@ -8,12 +8,10 @@ from scipy.special import chdtrc, erfc
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
+from femnl.fits.least_squares import LONG
 
 VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
-
-LONG = 20_000
-"""Residuals beyond which tests keep their directions in single precision."""
 
 
 @dataclass(frozen=True)

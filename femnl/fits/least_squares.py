@@ -31,6 +31,8 @@ LOOSE = 0.05
 """Part of its range below which the data know a parameter that shapes an effect."""
 ITERATIONS = 12
 """Iterations of the fits that leave a block out; they start at the whole fit."""
+LONG = 20_000
+"""Residuals beyond which derivatives are kept in single precision."""
 
 
 @dataclass(frozen=True)
@@ -61,16 +63,21 @@ class CrossValidation:
 class FitResult:
     """A fitted model.
 
-    vector (p,), residuals (n,), jacobian (n, p), covariance with the priors' ranges (p, p).
-    checkpoint: keeps this fit, and those that start from it.
+    vector (p,), residuals (n,), slopes (n, p) as `stored` keeps them, covariance with the priors'
+    ranges (p, p). checkpoint: keeps this fit, and those that start from it.
     """
 
     model: ExtendedModel
     vector: Array
     residuals: Array
-    jacobian: Array
+    slopes: NDArray[np.floating]
     covariance: Array
     checkpoint: Checkpoint | None = None
+
+    @property
+    def jacobian(self) -> Array:
+        """Derivatives (n, p) of the residuals."""
+        return np.asarray(self.slopes, dtype=np.float64)
 
     @property
     def chi2(self) -> float:
@@ -111,7 +118,7 @@ class FitResult:
         near = AT_BOUND * np.sqrt(np.diag(self.covariance))
         return np.asarray((self.vector - low >= near) & (high - self.vector >= near))
 
-    @property
+    @cached_property
     def _push(self) -> Array:
         """By how many σ the data push each parameter (p,) up, or down where below 0.
 
@@ -196,7 +203,20 @@ def fit(
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
-    return FitResult(model, end, at, slopes, covariance(slopes, high - low), checkpoint)
+    return FitResult(model, end, at, stored(slopes), covariance(slopes, high - low), checkpoint)
+
+
+def stored(slopes: Array) -> NDArray[np.floating]:
+    """Return derivatives (n, p) as a fit keeps them.
+
+    Dozens of fits of a large map would take half a gigabyte. Derivatives by differences are right
+    to some 1e-6, single precision to 1e-7. What it cannot hold stays as it is.
+    """
+    if len(slopes) <= LONG:
+        return slopes
+    with np.errstate(over="ignore"):
+        lean = slopes.astype(np.float32)
+    return lean if np.isfinite(lean).all() else slopes
 
 
 def improve(model: ExtendedModel, start: Array, most: int, near: FitResult) -> tuple[float, Array]:

@@ -23,7 +23,7 @@ from femnl.diagnose.search import refitted, search
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.verdict import judge
 from femnl.effects import library
-from femnl.fits.least_squares import DECADES, FitResult, fit
+from femnl.fits.least_squares import DECADES, LONG, FitResult, fit, stored
 from femnl.fits.spectrum.pose import BENDING_SD
 from femnl.fits.spectrum.pose import pose as pose_spectrum
 from femnl.io import measurement
@@ -107,7 +107,7 @@ def test_a_p_value_too_small_to_be_simulated_counts_every_look() -> None:
 def test_single_precision_of_long_tests_changes_no_p_value(
     size: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    count = score_test.LONG + 1
+    count = LONG + 1
     place = np.linspace(-1, 1, count)
     bend = np.cos(7 * place)
     data = np.random.default_rng(7).standard_normal(count) + size * bend / np.linalg.norm(bend)
@@ -119,6 +119,17 @@ def test_single_precision_of_long_tests_changes_no_p_value(
     monkeypatch.setattr(score_test, "LONG", count)
     assert score_tests(result, [])[0].basis.dtype == np.float64
     assert short.p_value == pytest.approx(criticise(result, []).p_value, rel=1e-4)
+
+
+def test_derivatives_of_long_data_are_kept_in_single_precision_where_that_holds_them() -> None:
+    slopes = np.random.default_rng(8).standard_normal((LONG + 1, 2)) * [1e30, 1e-30]
+    lean = stored(slopes)
+    assert lean.dtype == np.float32
+    np.testing.assert_allclose(lean, slopes, rtol=1e-7)
+    few = slopes[:LONG]
+    large = 1e10 * slopes
+    assert stored(few) is few
+    assert stored(large) is large
 
 
 @pytest.mark.parametrize(
