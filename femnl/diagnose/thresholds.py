@@ -72,7 +72,9 @@ class Thresholds:
     clear_odds: float = _threshold(
         3.0,
         "odds by which a named set of causes must be likelier than the base model, even where that "
-        "leaves too much for chance: docs/adr/0045-likelier-than-the-base.md",
+        "leaves too much for chance (docs/adr/0045-likelier-than-the-base.md), and from which on a "
+        "likelier cause that predicts a block badly keeps a set from being named alone "
+        "(docs/adr/0046-likelier-and-badly-predicted.md)",
         _REALISTIC,
     )
     most_rivals: int = _threshold(
