@@ -214,7 +214,7 @@ def test_a_leak_that_distorts_the_fit_of_the_resonance_is_within_its_bound(tmp_p
     data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()
     posed = pose_response(data, SimulatedFilm(load("square-270um"), 12))
     leak = truth["causes"]["crosstalk"]
-    assert max(abs(leak["real"]), abs(leak["imag"])) < 0.5 * posed.scales["slope"]
+    assert max(abs(leak["real"]), abs(leak["imag"])) < 0.7 * posed.scales["slope"]
 
 
 def test_magnitudes_alone_are_refused_with_what_takes_them(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
+from femnl.fits.outliers import MOST_GLITCHES
 from femnl.fits.response.choice import CONJUGATED, turned
 from femnl.fits.response.first_fit import first_fit
 from femnl.fits.response.spikes import without_spikes
@@ -38,8 +39,7 @@ def pose(
         )
     count = sweeps.n_positions
     place = ("",) if count == 1 else tuple(f"[{p}]" for p in range(count))
-    clear = without_spikes(dataset, sweeps.noise)
-    sign, fitted = first_fit(clear, place, checkpoint)
+    sign, fitted = first_fit(without_spikes(dataset, sweeps.noise), place, checkpoint)
     sweeps = turned(sweeps, sign)
     mode = _mode(dataset, film, fitted["frequency"])
     alpha = float(film.alpha[mode])
@@ -48,7 +48,7 @@ def pose(
     metre = float(np.sqrt(alpha / abs(ratio))) if ratio else slope[0] / 1e-7
     responsivity = [float(metre * s / slope[0]) for s in slope]
     peak = slope[0] / metre
-    leak = max(slope[0], LARGER * fitted["background"], _highest(collect(clear)))
+    leak = max(slope[0], LARGER * fitted["background"], _highest(sweeps))
     softens = bool(ratio * alpha < 0)
     everywhere = extent(sweeps, np.array(responsivity), np.ones(len(sweeps.frequency), dtype=bool))
     when = timing(dataset, sweeps)
@@ -95,14 +95,13 @@ def pose(
 
 
 def _highest(sweeps: Sweeps) -> float:
-    """Return the largest voltage by the drive at the first place [V/V].
+    """Return the largest voltage by the drive at the first place [V/V], but for glitches.
 
     No leak is larger, while one that distorts the fit of the resonance may be larger than that fit.
     """
     here = sweeps.position == 0
-    return float(
-        np.max(np.abs(sweeps.voltage) / sweeps.drive, where=here, initial=0) / sweeps.reference
-    )
+    by_drive = np.abs(sweeps.voltage[here]) / sweeps.drive[here]
+    return float(np.quantile(by_drive, 1 - MOST_GLITCHES)) / sweeps.reference
 
 
 def _base(
