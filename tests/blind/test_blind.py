@@ -219,9 +219,10 @@ def test_a_cause_that_the_library_lacks_is_called_unexplained(case: Case, tmp_pa
             ("nonlinear_readout", "quintic_stiffness"),
         ),
         # Damping and quintic stiffness in just one ratio do what a readout of one number does.
-        (
+        pytest.param(
             Case("response", ("nonlinear_readout",), 2451172232),
             ("nonlinear_damping", "quintic_stiffness"),
+            marks=pytest.mark.slow,
         ),
     ],
     ids=lambda value: value.causes[0] if isinstance(value, Case) else None,
@@ -248,6 +249,7 @@ def test_a_weak_cause_beside_a_strong_one_is_told_as_possible(tmp_path: Path) ->
     assert both in [other.causes for other in found.alternatives]
 
 
+@pytest.mark.slow
 def test_a_particle_is_sought_anew_once_the_drift_beside_it_is_known(tmp_path: Path) -> None:
     make(Case("spectrum", ("added_mass", "frequency_drift"), 1), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")

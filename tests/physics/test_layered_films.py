@@ -114,7 +114,7 @@ def test_a_film_that_layers_cover_evenly_is_the_one_of_one_material() -> None:
     "factor",
     [
         pytest.param(0.0, marks=pytest.mark.slow),
-        0.6,
+        pytest.param(0.6, marks=pytest.mark.slow),
         1.0,
         1.5,
         pytest.param(3.0, marks=pytest.mark.slow),

@@ -99,6 +99,7 @@ def test_a_film_turned_or_mirrored_rings_the_same(
     agree(plain, solved(drawn(corners, HOLES @ turn.T)))
 
 
+@pytest.mark.slow
 @given(st.permutations(range(len(HOLES))), st.integers(0, len(CORNERS) - 1))
 @FEW
 def test_the_order_of_holes_and_corners_does_not_matter(
@@ -165,6 +166,7 @@ def test_all_that_is_drawn_of_a_film_moves_with_it(by: tuple[float, float], tmp_
     np.testing.assert_allclose(corners.max(axis=(0, 1)), at_home.max(axis=(0, 1)), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_modes_near_a_frequency_move_with_the_film() -> None:
     here = solve_modes_near(shipped("square-270um"), 5e6, 5, cache=False)
     there = solve_modes_near(shipped("square-270um", (2e-3, 1e-3)), 5e6, 5, cache=False)
@@ -196,6 +198,7 @@ def test_a_lattice_of_holes_is_condensed_wherever_the_film_lies(by: tuple[float,
     np.testing.assert_allclose(shapes[0][0], shapes[1][0], atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_film_with_an_electrode_can_be_moved() -> None:
     drum = load("metallised-drum")
     there = moved(drum, (1e-3, -2e-3))

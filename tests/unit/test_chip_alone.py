@@ -88,6 +88,7 @@ def test_a_particle_is_told_from_the_modes_of_one_device(tmp_path: Path) -> None
     assert float(mass[1]) == pytest.approx(415, rel=0.03)
 
 
+@pytest.mark.slow
 def test_unequal_stress_is_told_or_its_equal(tmp_path: Path) -> None:
     cause = only(chip(tmp_path, stretched(0.01)))
     assert cause.name in ("stress_anisotropy", "aspect_ratio")

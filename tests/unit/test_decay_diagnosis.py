@@ -103,6 +103,7 @@ def test_an_exchange_of_energy_is_named_with_both_rates(tmp_path: Path) -> None:
     assert abs(pull(found, "base", "decay_rate", RATE)) < 4
 
 
+@pytest.mark.slow
 def test_without_its_effect_a_cause_is_unexplained_and_described(tmp_path: Path) -> None:
     splitting = 1.7 * RATE / np.pi
     weaker = 0.4 * np.exp(-0.1 * RATE * AFTER + 2j * np.pi * splitting * AFTER)
