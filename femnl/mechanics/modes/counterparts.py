@@ -96,7 +96,7 @@ def with_counterparts(
 def _begun(
     at_degree: Callable[[int, int], Modes], jobs: Sequence[tuple[int, int]], threads: int
 ) -> Iterator[Callable[[int, int], Modes]]:
-    """Yield what does as at_degree: several threads begin its jobs before they are asked for."""
+    """Yield at_degree; with several threads, one that waits for jobs which they have begun."""
     if threads == 1:
         yield at_degree
         return

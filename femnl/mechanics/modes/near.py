@@ -150,7 +150,7 @@ def side_by_side(unknowns: int, memory: float, cores: int) -> int:
 def degrees_at_once(domain: Domain, degree: int) -> int:
     """Return how many degrees up to a highest are solved at once: two, if two sectors of it are.
 
-    One core were idle while the other assembles a degree. The factors of one degree less fit into
+    One core would idle while the other assembles a degree. The factors of one degree less fit into
     the other half of the memory.
     """
     return min(_threads(domain.mesh.nelements * degree**2 // 2), 2)
