@@ -1,6 +1,5 @@
 """Least squares with numerical tangents, evidence by Laplace's method, cross-validation."""
 
-import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +9,7 @@ from scipy.special import chdtrc
 
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.readout import Array
-from femnl.fits.minimise import minimise
+from femnl.fits.recall import recalled
 from femnl.fits.tangents import jacobian_at, steps_for
 from femnl.observe.extended import ExtendedModel
 
@@ -199,7 +198,7 @@ def fit(
     """
     if near is not None:
         checkpoint = near.checkpoint
-    end, steps = _recalled(model, start, (keep, most), _first_steps(model, near), checkpoint)
+    end, steps = recalled(model, start, (keep, most), _first_steps(model, near), checkpoint)
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
@@ -222,27 +221,8 @@ def stored(slopes: Array) -> NDArray[np.floating]:
 def improve(model: ExtendedModel, start: Array, most: int, near: FitResult) -> tuple[float, Array]:
     """Return χ² and the vector of a fit that is only to be ranked and continued."""
     first = _first_steps(model, near)
-    end, _ = _recalled(model, start, (None, most), first, near.checkpoint)
+    end, _ = recalled(model, start, (None, most), first, near.checkpoint)
     return float(np.sum(model.residuals(end) ** 2)), end
-
-
-def _recalled(
-    model: ExtendedModel,
-    start: Array,
-    asked: tuple[NDArray[np.bool_] | None, int],
-    first: Array,
-    checkpoint: Checkpoint | None,
-) -> tuple[Array, Array]:
-    """Return what the checkpoint keeps of a fit, or make it.
-
-    asked: residuals to fit and most evaluations, see `fit`. first (p,): steps at the start.
-    """
-    keep, most = asked
-    if checkpoint is None:
-        return minimise(model, start, keep, most, first)
-    return checkpoint.recall(
-        _key(model, start, keep, most, first), lambda: minimise(model, start, keep, most, first)
-    )
 
 
 def _first_steps(model: ExtendedModel, near: FitResult | None) -> Array:
@@ -260,34 +240,6 @@ def _first_steps(model: ExtendedModel, near: FitResult | None) -> Array:
     return steps_for(
         model, np.array([sizes.get((owner, spec.name), 0.0) for owner, spec in model.parameters])
     )
-
-
-def _key(
-    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
-) -> str:
-    """Name a fit by all that it depends on beside the file.
-
-    The first residuals are part of it, since a problem posed in two ways starts in two places.
-    """
-    digest = hashlib.sha256(
-        repr(
-            (
-                model.parameters,
-                [effect.equation for effect in model.effects],
-                model.base_model.variant,
-                most,
-            )
-        ).encode()
-    )
-    for part in (
-        start,
-        first,
-        model.base_model.start,
-        *model.bounds,
-        *([] if keep is None else [keep]),
-    ):
-        digest.update(np.ascontiguousarray(part).tobytes())
-    return digest.hexdigest()
 
 
 def covariance(slopes: Array, width: Array) -> Array:
@@ -313,7 +265,7 @@ def held_out(result: FitResult, most: int) -> float:
     for block in np.unique(blocks[blocks >= 0]):
         asked = (blocks != block, most)
         first = _first_steps(model, result)
-        end, _ = _recalled(model, result.vector, asked, first, result.checkpoint)
+        end, _ = recalled(model, result.vector, asked, first, result.checkpoint)
         square += float(np.sum(model.residuals(end)[blocks == block] ** 2))
     return square / int(np.sum(blocks >= 0))
 

@@ -1,0 +1,58 @@
+"""Fits that a checkpoint keeps, by all that they depend on."""
+
+import hashlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.checkpoint import Checkpoint
+from femnl.core.readout import Array
+from femnl.fits.minimise import minimise
+from femnl.observe.extended import ExtendedModel
+
+
+def recalled(
+    model: ExtendedModel,
+    start: Array,
+    asked: tuple[NDArray[np.bool_] | None, int],
+    first: Array,
+    checkpoint: Checkpoint | None,
+) -> tuple[Array, Array]:
+    """Return what the checkpoint keeps of a fit, or make it.
+
+    asked: residuals to fit and most evaluations, see `fit`. first (p,): steps at the start.
+    """
+    keep, most = asked
+    if checkpoint is None:
+        return minimise(model, start, keep, most, first)
+    return checkpoint.recall(
+        _key(model, start, keep, most, first), lambda: minimise(model, start, keep, most, first)
+    )
+
+
+def _key(
+    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
+) -> str:
+    """Name a fit by all that it depends on beside the file.
+
+    The first residuals are part of it, since a problem posed in two ways starts in two places.
+    """
+    digest = hashlib.sha256(
+        repr(
+            (
+                model.parameters,
+                [effect.equation for effect in model.effects],
+                model.base_model.variant,
+                most,
+            )
+        ).encode()
+    )
+    for part in (
+        start,
+        first,
+        model.base_model.start,
+        *model.bounds,
+        *([] if keep is None else [keep]),
+    ):
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
