@@ -33,7 +33,7 @@ def command(
         need_room(out)
     from femnl.device.mesh import mesh
 
-    domain = mesh(load_device(geometry, bending), symmetry, resolution)
+    domain = mesh(load_device(geometry, bending), symmetry, resolution, alone=True)
     boundaries = {name: len(facets) for name, facets in (domain.mesh.boundaries or {}).items()}
     if as_json:
         counts = {"triangles": domain.mesh.nelements, "vertices": domain.mesh.nvertices}

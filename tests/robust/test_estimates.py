@@ -85,6 +85,21 @@ def test_a_degree_that_does_not_fit_is_refused_where_lower_ones_do(
         solve_modes(film, 1, cache=False, degree=6)
 
 
+def test_a_mesh_alone_needs_its_own_memory_and_none_for_modes(
+    allow_memory: Callable[[int], None],
+) -> None:
+    film = load("square-270um")
+    triangles = build.mesh(film, "full").mesh.nelements
+    between = int(np.sqrt(build.ALONE * build.BYTES[4]) * triangles)
+    allow_memory(between)
+    with pytest.raises(ParameterError, match=r"modes of degree 4 on .* triangles need about"):
+        build.mesh(film, "full")
+    assert build.mesh(film, "full", alone=True).mesh.nelements == triangles
+    allow_memory(build.ALONE * triangles // 2)
+    with pytest.raises(ParameterError, match=r"^square-270um: \S+ triangles need about"):
+        build.mesh(film, "full", alone=True)
+
+
 def test_what_fits_is_let_through_and_what_does_not_names_size_and_remedy() -> None:
     need_memory(1e6, "ten modes", "ask for fewer")
     with pytest.raises(

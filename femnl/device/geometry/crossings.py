@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from femnl.core.errors import GeometryError
@@ -31,15 +32,12 @@ def refuse_curved_crossings(segments: tuple[Segment, ...], remedy: str) -> None:
     ]
     starts = np.concatenate([p[:-1] for p in pieces])
     ends = np.concatenate([p[1:] for p in pieces])
-    number = len(starts)
-    tolerance = 1e-12 * np.ptp(starts, axis=0).max() ** 2
-    for k in range(number):
-        others = np.arange(k + 2, number - (k == 0))
-        meets = others[_meet(starts[k], ends[k], starts[others], ends[others], tolerance)]
-        if len(meets):
-            raise GeometryError(
-                f"[outline] its edges cross or touch near {place(np.round(starts[k], 9))}; {remedy}"
-            )
+    first = _first_meeting(starts, ends, 1e-12 * np.ptp(starts, axis=0).max() ** 2)
+    if first is not None:
+        raise GeometryError(
+            "[outline] its edges cross or touch near "
+            f"{place(np.round(starts[first[0]], 9))}; {remedy}"
+        )
 
 
 def refuse_crossings(corners: Array) -> None:
@@ -71,18 +69,32 @@ def refuse_crossings(corners: Array) -> None:
                 "give the corners in order",
                 (float(ends[k][0]), float(ends[k][1])),
             )
-        others = np.arange(k + 2, number - (k == 0))
-        meets = others[_meet(corners[k], ends[k], corners[others], ends[others], 1e-12 * extent**2)]
-        if len(meets):
-            raise GeometryError(
-                f"[outline] points: edges {k + 1} and {int(meets[0]) + 1} cross or touch; give "
-                "the corners in order",
-                (float(corners[k][0]), float(corners[k][1])),
-            )
+    first = _first_meeting(corners, ends, 1e-12 * extent**2)
+    if first is not None:
+        k, other = first
+        raise GeometryError(
+            f"[outline] points: edges {k + 1} and {other + 1} cross or touch; give the corners in "
+            "order",
+            (float(corners[k][0]), float(corners[k][1])),
+        )
+
+
+def _first_meeting(starts: Array, ends: Array, tolerance: float) -> tuple[int, int] | None:
+    """Return the first two edges of a closed curve that meet and are no neighbours, if any do.
+
+    Args: starts, ends: of its straight edges (n, 2). tolerance: see `_meet`.
+    """
+    edges = shapely.linestrings(np.stack([starts, ends], axis=1))
+    one, other = shapely.STRtree(edges).query(edges)  # whose boxes meet
+    apart = (other - one > 1) & (other - one < len(starts) - 1)
+    one, other = one[apart], other[apart]
+    meets = _meet(starts[one], ends[one], starts[other], ends[other], tolerance)
+    pairs = sorted(zip(one[meets].tolist(), other[meets].tolist(), strict=True))
+    return pairs[0] if pairs else None
 
 
 def _meet(a: Array, b: Array, c: Array, d: Array, tolerance: float) -> NDArray[np.bool_]:
-    """Return which of the segments c–d (n, 2) cross or touch the segment a–b.
+    """Return which of the segments a–b (n, 2) cross or touch c–d, where their boxes meet.
 
     Twice the areas below `tolerance` count as 0.
     """
@@ -90,10 +102,7 @@ def _meet(a: Array, b: Array, c: Array, d: Array, tolerance: float) -> NDArray[n
     c_side, d_side, a_side, b_side = (
         np.where(np.abs(s) <= tolerance, 0, np.sign(s)) for s in sides
     )
-    boxes = np.all(
-        (np.minimum(a, b) <= np.maximum(c, d)) & (np.minimum(c, d) <= np.maximum(a, b)), axis=1
-    )
-    return np.asarray((c_side * d_side <= 0) & (a_side * b_side <= 0) & boxes)
+    return np.asarray((c_side * d_side <= 0) & (a_side * b_side <= 0))
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -97,7 +97,7 @@ def sketch(text: str, origin: str) -> Sketch:
     except GeometryError as error:
         raise GeometryError(f"{one_line(origin)}: {one_line(str(error))}") from None
     try:
-        faults = tuple(tables.faults())
+        faults = tuple(tables.faults(holes, inner))
         outline = curves.polyline(tables.outline.outline(holes))
     except GeometryError as error:
         faults = (error,)

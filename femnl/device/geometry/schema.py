@@ -176,13 +176,14 @@ class GeometryFile(Table):
             others = joined(others, self.outline.windows())
         return holes, others
 
-    def faults(self) -> list[GeometryError]:
+    def faults(self, holes: Holes, inner: Openings) -> list[GeometryError]:
         """Return what is wrong with where the holes are, the first of each kind.
+
+        Args: holes, inner: what `inner` returns.
 
         Raises:
             GeometryError: an outline that cannot be made.
         """
-        holes, inner = self.inner()
         found = _refusals([partial(refuse_overlap, holes)])
         if found and self.outline.kind == "etched":  # which follows the holes
             return found
@@ -206,7 +207,7 @@ class GeometryFile(Table):
                 '[holes] kind = "etched" takes one group of round, free holes of one radius; '
                 "leave the others out or choose another kind of outline"
             )
-        for fault in self.faults():
+        for fault in self.faults(holes, inner):
             raise fault
         outline = self.outline.outline(holes)
         free = [o for o in others if not o.segments[0].clamped]

@@ -118,25 +118,35 @@ def _runs(points: Array, tolerance: float, grid: float) -> list[_Run]:
 def _longest(
     points: Array, turn: Array, gentle: NDArray[np.bool_], first: int, end: int, tolerance: float
 ) -> _Run | None:
-    """The longest run of chords on one circle that starts at a corner; None for fewer than four."""
+    """The longest run of chords on one circle that starts at a corner; None for fewer than four.
+
+    One chord more does not lie on it. Runs are tried up to twice as long each time.
+    """
     number = len(points)
-    best = None
-    last = first + FEWEST
-    while last <= end:
-        inner = np.arange(first + 1, last) % number
-        alike = np.all(turn[inner] > 0) or np.all(turn[inner] < 0)
-        if not (gentle[inner].all() and alike):
-            break
+    inner = np.arange(first + 1, end) % number
+    bends = gentle[inner] & (turn[inner] * turn[inner[0]] > 0)
+    farthest = end if bends.all() else first + 1 + int(np.argmin(bends))
+
+    def run_to(last: int) -> _Run | None:
         some = points[np.arange(first, last + 1) % number]
         circle = _fit(some)
-        chords = np.hypot(*np.diff(some, axis=0).T)
         if circle is None or circle.off(some) > tolerance:
-            break
+            return None
+        chords = np.hypot(*np.diff(some, axis=0).T)
         if chords.max() > WIDEST * circle.radius + 2 * tolerance:
-            break
-        best = _Run(first, last, circle)
-        last += 1
-    return best
+            return None
+        return _Run(first, last, circle)
+
+    longest = run_to(first + FEWEST) if first + FEWEST <= farthest else None
+    failed = farthest + 1
+    while longest is not None and failed - longest.last > 1:
+        last = min(2 * longest.last - first, (longest.last + failed) // 2)
+        run = run_to(last)
+        if run is None:
+            failed = last
+        else:
+            longest = run
+    return longest
 
 
 def _fit(points: Array) -> Circle | None:
@@ -156,8 +166,8 @@ def _rounded(circle: Circle | None, points: Array, grid: float) -> Circle | None
     """The circle with the roundest radius and centre that all points lie on, if there is one."""
     if circle is None or circle.off(points) > FITTED * grid:
         return None
-    for step in STEPS:
-        radius = float(np.round(circle.radius / (step * grid)) * (step * grid))
+    radii = [float(np.round(circle.radius / (step * grid)) * (step * grid)) for step in STEPS]
+    for radius in dict.fromkeys(radii):
         if abs(radius - circle.radius) > MOVED * grid or radius == 0:
             continue
         tried = _centred(Circle(circle.centre, radius), points)

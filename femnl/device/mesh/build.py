@@ -43,6 +43,9 @@ PROGRESS = logging.getLogger("femnl.progress")
 BYTES = {3: 42_000, 4: 90_000, 5: 180_000, 6: 320_000}
 MEASURED = 6820
 FILL = 0.1
+# Of a triangle of the mesh alone: 2.4 kB at 728 590 triangles around 10 000 openings (peak resident
+# memory)
+ALONE = 3_000
 # Relative error of the number of elements along an edge, by which gmsh places their ends: its 1e-9
 # took nine tenths of the time of meshes with many corners or small holes
 PLACING = 1e-4
@@ -57,6 +60,7 @@ def mesh(
     resolution: float = 1.0,
     degree: int = 4,
     wave: float = np.inf,
+    alone: bool = False,
 ) -> Domain:
     """Mesh the film of a device, or the wedge that its mirror symmetry leaves.
 
@@ -64,7 +68,8 @@ def mesh(
         `full`, `half`, `quarter`, `eighth` or `twelfth`. resolution: factor on the number of
         elements per length; 2 halves every element. degree: of the elements that are meant for it,
         by which their memory is foreseen. wave: length [m] of the shortest waves that the elements
-        have to follow, see `waves`.
+        have to follow, see `waves`. alone: nothing is to be solved on it, so that its own memory is
+        foreseen and not that of modes.
     Returns: curved triangles with boundaries `clamped`, `free`, `mirror-0`, `mirror-1`, as present.
     Raises: ParameterError where the device lacks the symmetry asked for; GeometryError where
     meshing fails.
@@ -84,9 +89,9 @@ def mesh(
     fineness = Fineness(resolution, degree, wave)
     with _gmsh_session():
         raw = (
-            double(_build(centred, EIGHTH, fineness, 2))
+            double(_build(centred, EIGHTH, fineness, 2, alone))
             if diagonal
-            else _build(centred, wedge, fineness, 1)
+            else _build(centred, wedge, fineness, 1, alone)
         )
     result = assemble(replace(raw, points=raw.points + middle))
     check_unfolded(model, result)
@@ -156,17 +161,25 @@ def _gmsh_session() -> Iterator[None]:
         gmsh.finalize()
 
 
-def _build(model: Model, wedge: float, fineness: Fineness, copies: int) -> Raw:
+def _need_memory(model: Model, triangles: float, degree: int, alone: bool) -> None:
+    """Refuse a mesh that does not fit into memory, or on which modes of a degree would not."""
+    remedy = "lower the resolution"
+    if alone:
+        need_memory(ALONE * triangles, f"{model.name}: {triangles:.2g} triangles", remedy)
+        return
+    what = f"{model.name}: modes of degree {degree} on {triangles:.2g} triangles"
+    fill = max(triangles / MEASURED, 1.0) ** FILL
+    need_memory(BYTES[max(degree, min(BYTES))] * fill * triangles, what, remedy)
+
+
+def _build(model: Model, wedge: float, fineness: Fineness, copies: int, alone: bool) -> Raw:
     unit = SCALE / model.outline.length
     try:
         rims = draw_film(model, wedge, unit)
         curves = classify(model, rims, wedge, unit)
         triangles = copies * grade(model, curves, wedge, unit, fineness)
         PROGRESS.info("%s: about %.3g triangles", model.name, triangles)
-        degree = max(fineness.degree, min(BYTES))
-        what = f"{model.name}: modes of degree {fineness.degree} on {triangles:.2g} triangles"
-        fill = max(triangles / MEASURED, 1.0) ** FILL
-        need_memory(BYTES[degree] * fill * triangles, what, "lower the resolution")
+        _need_memory(model, triangles, fineness.degree, alone)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
     except Exception as error:
