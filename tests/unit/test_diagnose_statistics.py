@@ -222,6 +222,21 @@ def test_an_effect_that_jumps_is_seen_as_its_jump_and_leaves_the_steps_of_other_
         )
 
 
+def test_an_effect_that_leads_to_another_summation_is_seen_without_its_rounding() -> None:
+    """As an overtone of the motion, with which a clipped period is summed at other samples."""
+
+    def act(value: Array, values: Values) -> Array:
+        rounding = 0.05 * np.cos(7 * np.pi * X)
+        return np.asarray(value + values["size"] * np.cos(np.pi * X) + rounding)
+
+    spec = ParameterSpec("size", "1", -HALF, HALF)
+    effect = Effect("overtone", "", (spec,), {"placement": act}, "", "", "")
+    data = np.cos(np.pi * X) + 0.3 * np.random.default_rng(5).standard_normal(N)
+    (mine,) = (test for test in score_tests(solved(data), [effect]) if test.effect is effect)
+    assert mine.values["size"] == pytest.approx(1.0, abs=0.2)
+    assert mine.gain == pytest.approx(solved(data).chi2 - solved(data, effect).chi2, rel=0.05)
+
+
 def test_evidence_is_the_integral_of_likelihood_times_prior() -> None:
     data = 1.5 * np.cos(np.pi * (X + 1) / 2) + np.random.default_rng(3).standard_normal(N)
     with_it = solved(data, WAVES[0])
