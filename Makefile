@@ -41,7 +41,7 @@ hostile: $(READY)  ## draw thousands of hostile inputs and count tracebacks, han
 	$(BIN)/python -m tests.robust.hostile.study build/hostile 300 $$(date +%j000)
 
 lint: $(READY)  ## ruff and mypy
-	@status=0; for check in "ruff check ." "ruff format --check ." mypy; do echo "$$check"; $(BIN)/$$check || status=1; done; exit $$status
+	@status=0; for check in "ruff check ." "ruff format --check ." "mypy -n auto"; do echo "$$check"; $(BIN)/$$check || status=1; done; exit $$status
 
 docs: $(READY)  ## build the documentation site, docs/_build/html
 	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build/html

@@ -296,7 +296,9 @@ def test_a_seed_draws_the_same_file_again(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["square-270um", "rectangle", "hexagon-278um"])
+@pytest.mark.parametrize(
+    "name", ["square-270um", pytest.param("rectangle", marks=pytest.mark.slow), "hexagon-278um"]
+)
 def test_shapes_of_the_laboratory_have_the_layer_of_a_plate_at_its_edge(name: str) -> None:
     film = SimulatedFilm(geometry.load(name), 12)
     x, y = np.random.default_rng(1).uniform(-1, 1, (2, 2000)) * film.projection.reach

@@ -105,7 +105,7 @@ def roots(mismatch: Callable[[float], float], highest: float) -> list[float]:
 
 
 @pytest.mark.parametrize("bending", [False, True])
-@pytest.mark.parametrize("width", [4.0, 7.5])
+@pytest.mark.parametrize("width", [pytest.param(4.0, marks=pytest.mark.slow), 7.5])
 @pytest.mark.parametrize("more", ["", STRESSED, STIFF])
 def test_waves_across_stripes_are_those_of_a_string_or_beam_of_two_kinds(
     bending: bool, width: float, more: str

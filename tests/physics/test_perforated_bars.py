@@ -19,7 +19,7 @@ from tests.physics.small_films import film, perforated
 Array = NDArray[np.float64]
 
 
-@pytest.mark.parametrize(("n_x", "n_y"), [(3, 4), (4, 4)])
+@pytest.mark.parametrize(("n_x", "n_y"), [(3, 4), pytest.param(4, 4, marks=pytest.mark.slow)])
 def test_ratios_of_a_tiny_array_without_bending_are_within_their_error_bars(
     n_x: int, n_y: int
 ) -> None:

@@ -29,7 +29,9 @@ def motion(time: Array, size: float) -> Motion:
     )
 
 
-@pytest.mark.parametrize(("detuning", "drift"), [(0.3, 1.0), (-1.0, 3.0)])
+@pytest.mark.parametrize(
+    ("detuning", "drift"), [(0.3, 1.0), pytest.param(-1.0, 3.0, marks=pytest.mark.slow)]
+)
 def test_the_motion_follows_the_equation_of_the_driven_mode(detuning: float, drift: float) -> None:
     # ü + 2πw u̇ + ω₀(t)² u = F cos ωt, with ω₀ that moves: not the slow equation, nor its steady
     # state. Q = 100, T = 200 ring-down times.

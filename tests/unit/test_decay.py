@@ -166,7 +166,10 @@ def test_a_floor_that_is_not_fitted_is_told() -> None:
     assert any("ends before the decay reaches a floor" in note for note in short)
 
 
-@pytest.mark.parametrize(("length", "correlation"), [(12.0, 1.0), (4.0, 3.0), (24.0, 3.0)])
+@pytest.mark.parametrize(
+    ("length", "correlation"),
+    [(12.0, 1.0), (4.0, 3.0), pytest.param(24.0, 3.0, marks=pytest.mark.slow)],
+)
 def test_intervals_hold_as_often_as_they_say_and_the_quality_factor_is_unbiased(
     length: float, correlation: float
 ) -> None:

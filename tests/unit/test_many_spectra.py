@@ -53,7 +53,17 @@ CASES = {
 }
 
 
-@pytest.fixture(scope="module", params=list(CASES.values()), ids=list(CASES))
+BOTH = "square with labels and losses"
+"""What the other cases have one of each."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(case, id=name, marks=[pytest.mark.slow] if name == BOTH else [])
+        for name, case in CASES.items()
+    ],
+)
 def spectrum(request: pytest.FixtureRequest) -> MeasurementModel:
     geometry, labels, losses = request.param
     return posed(geometry, labels=labels, losses=losses)

@@ -271,7 +271,9 @@ def coloured(seen: NDArray[np.float64]) -> dict[str, float]:
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
+@pytest.mark.parametrize(
+    ("width", "scheme"), [(1280, "light"), pytest.param(400, "dark", marks=pytest.mark.slow)]
+)
 def test_the_shape_shows_the_chosen_mode_and_turns_when_it_is_dragged(
     browser: Browser, report: Written, width: int, scheme: str
 ) -> None:

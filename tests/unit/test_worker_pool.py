@@ -36,7 +36,7 @@ from tests.unit.level import Level
 
 BLOCKS = np.repeat(np.arange(4), 10)
 ORDERS = np.array([(1, 1), (1, 2), (2, 1), (2, 2), (1, 3), (3, 1), (2, 3), (3, 2)])
-FEW = ("stress_anisotropy", "tension_gradient", "frame_mode", "compliant_clamp")
+FEW = ("stress_anisotropy", "tension_gradient")
 Run = Callable[[Sequence[Job[int]]], list[int]]
 
 
