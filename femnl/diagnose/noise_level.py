@@ -46,15 +46,44 @@ def noise_level(
 
     Both come from stretches of `STRETCH` residuals, each less a cubic. The quieter half of the
     stretches counts. Where the residuals are bare noise, nearly all of them count, and all
-    residuals together where they agree with the stretches. The result is 1 and 0 where the noise
-    does not differ clearly from what is stated.
+    residuals together where they agree with the stretches. They are none where nearly all are
+    clearly louder than the quieter half says: noise is the same all over the data, and what a model
+    misses is not. The result is 1 and 0 where the noise does not differ clearly from what is
+    stated.
     """
     if layout.oscillating:
         return _first_order(residuals, layout, dropped)
-    quiet = NEARLY_ALL if bare else QUIET
     rows = _stretches(layout, dropped)
     if len(rows) < FEWEST:
         return 1.0, 0.0
+    found = _of_stretches(residuals, layout, dropped, rows, bare=bare)
+    if bare and _louder_than_its_quieter_half(residuals[rows], *found):
+        return _of_stretches(residuals, layout, dropped, rows, bare=False)
+    return found
+
+
+def _louder_than_its_quieter_half(rows: Array, factor: float, correlation: float) -> bool:
+    """Whether the quieter half of stretches (m, STRETCH) shows clearly less than that noise."""
+    lowest = np.quantile(np.sum((rows @ _beside_cubic()) ** 2, axis=1), QUIET)
+    half = np.sqrt(lowest / np.interp(correlation, RHO, _expected(QUIET)[:, 0]))
+    spread = np.sqrt((1 + correlation**2) / (1 - correlation**2))
+    unsure = LEAST_FACTOR + CLEAR * _error(QUIET, len(rows)) * spread
+    return bool(factor > half * np.exp(unsure))
+
+
+def _of_stretches(
+    residuals: Array,
+    layout: Layout,
+    dropped: NDArray[np.bool_],
+    rows: NDArray[np.int64],
+    *,
+    bare: bool,
+) -> tuple[float, float]:
+    """Return factor and correlation of the quieter half of the stretches, or of nearly all.
+
+    rows (m, STRETCH): the residuals of each.
+    """
+    quiet = NEARLY_ALL if bare else QUIET
     left = residuals[rows] @ _beside_cubic()
     power = np.sum(left**2, axis=1)
     lowest = float(np.quantile(power, quiet))
@@ -69,16 +98,25 @@ def noise_level(
     if correlation < (least if bare else max(LEAST_CORRELATION, least)):
         correlation = 0.0
     factor = float(np.sqrt(lowest / np.interp(correlation, RHO, expected[:, 0])))
-    # Of a quantile, from the density of χ² there
-    freedom = STRETCH - CUBIC
-    quantile = chi2.ppf(quiet, freedom)
-    error = np.sqrt(quiet * (1 - quiet) / len(rows)) / (chi2.pdf(quantile, freedom) * quantile) / 2
+    error = _error(quiet, len(rows))
     if whole is not None and abs(np.log(whole[0] / factor)) < CLEAR * error:
         factor = whole[0]
         spread = (1 + correlation**2) / (1 - correlation**2)
         error = np.sqrt(spread / (2 * np.sum(~dropped & (layout.datum >= 0))))
     clear = abs(np.log(max(factor, 1e-300))) > max(0.0 if bare else LEAST_FACTOR, CLEAR * error)
     return factor if clear else 1.0, correlation
+
+
+def _error(quiet: float, number: int) -> float:
+    """Return the relative error of the factor of that part of a number of stretches.
+
+    Of a quantile, from the density of χ² there.
+    """
+    freedom = STRETCH - CUBIC
+    quantile = chi2.ppf(quiet, freedom)
+    return float(
+        np.sqrt(quiet * (1 - quiet) / number) / (chi2.pdf(quantile, freedom) * quantile) / 2
+    )
 
 
 def _first_order(

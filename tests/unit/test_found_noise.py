@@ -150,6 +150,15 @@ def test_a_tenth_more_noise_than_stated_is_found_where_a_model_leaves_bare_noise
     assert np.sqrt(np.mean((np.array(found) / 1.1 - 1) ** 2)) < 0.016
 
 
+def test_what_oscillates_in_a_part_of_the_data_is_no_noise_of_all() -> None:
+    place = np.arange(SWEEPS * POINTS) % POINTS
+    misfit = np.where(place < 0.25 * POINTS, 3 * np.cos(place), 0.0)
+    for seed in SEEDS:
+        found = found_noise(white(seed) + misfit, sweeps(), FoundNoise(), bare=True)
+        assert found.factor == pytest.approx(1.0, abs=0.15)
+        assert found.correlation < 0.2
+
+
 def test_the_correlation_of_few_bare_sweeps_is_that_of_all_their_neighbours() -> None:
     few = SWEEPS // 4 * POINTS
     whole = sweeps()
