@@ -1,7 +1,8 @@
 """A fitted set of causes, with what was found of how well it explains the data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -9,8 +10,8 @@ from scipy.special import logsumexp
 
 from femnl.core.effect import Effect
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.diagnose.worker_pool import Job
-from femnl.fits.least_squares import FitResult
+from femnl.diagnose.worker_pool import Job, Run
+from femnl.fits.least_squares import CrossValidation, FitResult
 
 Names = tuple[str, ...]
 T = TypeVar("T")
@@ -161,3 +162,15 @@ def names_of(result: FitResult, *more: Effect) -> Names:
 def job(doing: str, names: Names, result: FitResult, find: Callable[[], T]) -> Job[T]:
     """Return a job on one model, and the line of progress that names it."""
     return Job(f"{result.model.base_model.kind}: {doing} {' + '.join(names)}", find)
+
+
+def predict_held_out(results: Iterable[FitResult], run: Run) -> None:
+    """Let fits predict the data that they leave out, side by side, where that is not known yet."""
+    todo = [result for result in {id(r): r for r in results}.values() if not result.predicted]
+    jobs = [Job("predicting held-out data", partial(_predicted, result)) for result in todo]
+    for result, seen in zip(todo, run(jobs), strict=True):
+        result.keep_predicted(seen)
+
+
+def _predicted(result: FitResult) -> CrossValidation:
+    return result.cross_validation

@@ -11,6 +11,7 @@ from femnl.diagnose.part_of_data import in_part
 from femnl.diagnose.score_test import ScoreTest
 from femnl.diagnose.score_tests import score_tests, unlike
 from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.diagnose.worker_pool import Run, in_turn
 from femnl.fits.least_squares import FitResult
 
 MANY = 100_000
@@ -18,18 +19,22 @@ MANY = 100_000
 
 
 def criticise(
-    result: FitResult, library: list[Effect], first: FirstTests | None = None
+    result: FitResult,
+    library: list[Effect],
+    first: FirstTests | None = None,
+    run: Run = in_turn,
 ) -> Candidate:
     """Look at the residuals in every way, the effects that the model lacks included.
 
-    Args: first: tests that come before all others, and end it where they refute the set.
+    Args: first: tests that come before all others, and end it where they refute the set. run: makes
+        the others side by side.
     """
     others = _others(result, library)
     if first is not None:
         refuted = _refuted(result, others, first)
         if refuted is not None:
             return refuted
-    found = score_tests(result, others)
+    found = score_tests(result, others, run=run)
     adequacy = Adequacy(result, found)
     p_value, worst = adequacy.p_value()
     pointers = tuple(_pointers(result, found, others))

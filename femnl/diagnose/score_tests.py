@@ -1,6 +1,7 @@
 """Score tests: the causes and patterns to which the residuals of a fit point."""
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from femnl.core.readout import Array
 from femnl.diagnose.effect_tests import effect_tests
 from femnl.diagnose.score_test import ScoreTest, beside, chi_square_tail, stored
 from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.fits.least_squares import FitResult
 
 SHAPES = 4
@@ -26,6 +28,7 @@ def score_tests(
     shapes: Mapping[str, Values] | None = None,
     *,
     patterns: bool = True,
+    run: Run = in_turn,
 ) -> list[ScoreTest]:
     """Return every score test of the residuals.
 
@@ -33,45 +36,52 @@ def score_tests(
 
     Args: shapes: by name of each effect, values of its parameters; each is tested in this one
         shape. By default it is tested in all trial shapes. patterns: whether patterns are tested.
+        run: tests effects side by side.
     """
-    if not library and not patterns:
-        return []
-    own, _ = np.linalg.qr(result.jacobian[:, result.free])
-    base_model = result.model.base_model
+    found = _of_patterns(result) if patterns else []
+    kind = result.model.base_model.kind
+    jobs = [
+        Job(f"{kind}: testing {effect.name}", partial(_of_effect, result, effect, shapes))
+        for effect in library
+        if effect.has_strength
+    ]
+    return [*found, *(test for tests in run(jobs) for test in tests)]
+
+
+def _of_patterns(result: FitResult) -> list[ScoreTest]:
+    """Return the test of each pattern of the model's residuals."""
+    own = _tangents(result)
+    base, values = result.model.split(result.vector)
+    named = result.model.base_model.residual_directions(result.model.effects, base, values)
     found = []
-    at = result.model.split(result.vector)
-    named = base_model.residual_directions(result.model.effects, *at) if patterns else {}
     for name, direction in named.items():
         basis = beside(own, direction[None])
         if len(basis):
             gain = float(np.sum((basis @ result.residuals) ** 2))
-            found.append(
-                ScoreTest(
-                    name,
-                    None,
-                    stored(basis),
-                    gain,
-                    float(chi_square_tail(np.array(gain), len(basis))),
-                    {},
-                )
-            )
-    base, values = result.model.split(result.vector)
-    others = [
-        other
-        for other in base_model.equivalent_solutions(base)
-        if _same(result, result.model.pack(other, values))
-    ]
-    for effect in library:
-        if effect.has_strength:
-            here, *there = (
-                effect_tests(result, own, effect, place, values, shapes)
-                for place in (base, *others)
-            )
-            found += here
-            found += [
-                test for elsewhere in there for test in elsewhere if not _is_among(test, here)
-            ]
+            p_value = float(chi_square_tail(np.array(gain), len(basis)))
+            found.append(ScoreTest(name, None, stored(basis), gain, p_value, {}))
     return found
+
+
+def _of_effect(
+    result: FitResult, effect: Effect, shapes: Mapping[str, Values] | None
+) -> list[ScoreTest]:
+    """Return the tests of an effect, at the solution and at what is equivalent to it."""
+    own = _tangents(result)
+    base, values = result.model.split(result.vector)
+    here = effect_tests(result, own, effect, base, values, shapes)
+    found = list(here)
+    for other in result.model.base_model.equivalent_solutions(base):
+        if _same(result, result.model.pack(other, values)):
+            there = effect_tests(result, own, effect, other, values, shapes)
+            found += [test for test in there if not _is_among(test, here)]
+    return found
+
+
+def _tangents(result: FitResult) -> Array:
+    """Return an orthonormal basis (n, p) of what the model's own parameters change."""
+    own, _ = np.linalg.qr(result.jacobian[:, result.free])
+    return np.asarray(own)
 
 
 def _is_among(test: ScoreTest, others: list[ScoreTest]) -> bool:

@@ -63,7 +63,7 @@ def search(
     """
     PROGRESS.info("%s: fitting the base model", base_model.kind)
     first = fit(ExtendedModel(base_model), base_model.start, checkpoint=checkpoint)
-    base = criticise(first, library)
+    base = criticise(first, library, run=run)
     found = [base]
     if base.p_value >= THRESHOLDS.base_inadequate:
         return found
@@ -108,7 +108,7 @@ def refitted(
         # Of the model at hand, which helpers know by name, and not of the one of another noise
         return replace(before, model=ExtendedModel(base_model, before.model.effects))
 
-    found = [criticise(_again(begun(earlier[0].result)), library)]
+    found = [criticise(_again(begun(earlier[0].result)), library, run=run)]
     ranked = sorted(earlier[1:], key=lambda c: -c.weight)[: THRESHOLDS.most_refitted]
     largest = [set(c.names) for c in ranked]
     for size in range(1, len(SIZES) + 1):
@@ -232,11 +232,15 @@ def _kept(
         if c.p_value >= THRESHOLDS.chance_excluded / 10 or may_be_noisier(c)
     ]
     first = found[0].first_tests
-    jobs = []
-    for c in worth:
-        look = glance if outweighed(c, found) else criticise
-        jobs.append(job("looking at", c.names, c.result, partial(look, c.result, library, first)))
-    return grown | plain | {c.names: c for c in run(jobs)}
+    if len(worth) == 1 and not outweighed(worth[0], found):  # whose tests share the processes
+        seen = [criticise(worth[0].result, library, first, run)]
+    else:
+        jobs = []
+        for c in worth:
+            look = partial(glance if outweighed(c, found) else criticise, c.result, library, first)
+            jobs.append(job("looking at", c.names, c.result, look))
+        seen = run(jobs)
+    return grown | plain | {c.names: c for c in seen}
 
 
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:

@@ -1,7 +1,6 @@
 """How much each named cause takes up of what the simulation gets wrong, and what remains."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -9,9 +8,9 @@ from femnl.core.diagnosis import FreeForm, Remainder, Share
 from femnl.core.effect import Effect
 from femnl.core.numbers import engineering, plain
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.candidate import Candidate, Names, predict_held_out
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.diagnose.worker_pool import Job, Run
+from femnl.diagnose.worker_pool import Run
 from femnl.fits.least_squares import CrossValidation, FitResult, fit
 from femnl.observe.extended import ExtendedModel
 
@@ -28,11 +27,8 @@ def shares(best: Candidate, found: Sequence[Candidate], run: Run) -> tuple[Share
     known = {candidate.names: candidate.result for candidate in found}
     lacking = [without(best, base, (name,), known) for name in best.names]
     alone = [known.get((name,)) or _alone(best, base, name) for name in best.names]
-    # A single cause is its own set, and without it there is the base model
-    fits = {id(result): result for result in (*lacking, *alone)}
-    jobs = [Job("predicting held-out data", partial(_predicted, f)) for f in fits.values()]
-    seen = dict(zip(fits, run(jobs), strict=True))
-    rest = [seen[id(result)] for result in (*lacking, *alone)]
+    predict_held_out([*lacking, *alone], run)
+    rest = [result.cross_validation for result in (*lacking, *alone)]
     base_cv = base.result.cross_validation
     best_cv = best.result.cross_validation
     whole = _excess(base_cv)
@@ -42,10 +38,6 @@ def shares(best: Candidate, found: Sequence[Candidate], run: Run) -> tuple[Share
         by_itself = whole - _excess(rest[len(best.names) + k])
         told.append(Share(name, _part(taken, whole), _error(taken, whole), _part(by_itself, whole)))
     return tuple(sorted(told, key=lambda share: -share.share))
-
-
-def _predicted(result: FitResult) -> CrossValidation:
-    return result.cross_validation
 
 
 def _excess(seen: CrossValidation) -> Array:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from femnl.diagnose.candidate import Candidate, Names, weight_if_noisier
+from femnl.diagnose.candidate import Candidate, Names, predict_held_out, weight_if_noisier
 from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.graded import Graded
 from femnl.diagnose.rivals import (
@@ -84,6 +84,8 @@ class Weighed:
         What fits all data together, but no part by what the others say, is bent to them, no cause.
         """
         nearest = self.likely[: 1 + THRESHOLDS.most_rivals]
+        if nearest:
+            predict_held_out([c.result for c in (self.base, *nearest)], self.run)
         return [c for c in nearest if c.result.cross_validation.p_value >= c.least_heldout]
 
     @property

@@ -111,6 +111,15 @@ class FitResult:
         return cross_validate(self, ITERATIONS)
 
     @property
+    def predicted(self) -> bool:
+        """Whether `cross_validation` is known already."""
+        return "cross_validation" in vars(self)
+
+    def keep_predicted(self, cross_validation: CrossValidation) -> None:
+        """Keep what another process has found of how fits like this one predict."""
+        vars(self)["cross_validation"] = cross_validation
+
+    @property
     def free(self) -> NDArray[np.bool_]:
         """Which parameters (p,) did not end at a bound, and can still take up deviations."""
         low, high = self.model.bounds
