@@ -11,12 +11,19 @@ from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, Names, predict_held_out
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Run
-from femnl.fits.least_squares import CrossValidation, FitResult, fit
+from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.extended import ExtendedModel
+
+UNSEEN = 3.0
+"""σ of a deviation that causes may leave, and that looks like noise."""
 
 
 def shares(best: Candidate, found: Sequence[Candidate], run: Run) -> tuple[Share, ...]:
     """Return the share of each cause of a fitted set, the largest first.
+
+    The excess of the base model is its held-out χ² beyond what noise adds. That is the number of
+    data or, where the set leaves nothing but noise, what it leaves: the noise of thousands of data
+    makes more or less of χ² than a weak cause does.
 
     Args: best: the set. found: what was fitted, the base model first. run: does the fits that held
     data out.
@@ -29,20 +36,23 @@ def shares(best: Candidate, found: Sequence[Candidate], run: Run) -> tuple[Share
     alone = [known.get((name,)) or _alone(best, base, name) for name in best.names]
     predict_held_out([*lacking, *alone], run)
     rest = [result.cross_validation for result in (*lacking, *alone)]
-    base_cv = base.result.cross_validation
-    best_cv = best.result.cross_validation
-    whole = _excess(base_cv)
+    before = base.result.cross_validation
+    after = best.result.cross_validation
+    only_noise = not _significant(best)
+    whole = np.subtract(before.squares, after.squares if only_noise else after.sizes)
+    unseen = UNSEEN**2 / max(float(whole.sum()), UNSEEN**2) if only_noise else 0.0
     told = []
     for k, name in enumerate(best.names):
-        taken = _excess(rest[k]) - _excess(best_cv)
-        by_itself = whole - _excess(rest[len(best.names) + k])
-        told.append(Share(name, _part(taken, whole), _error(taken, whole), _part(by_itself, whole)))
+        taken = np.subtract(rest[k].squares, after.squares)
+        by_itself = np.subtract(before.squares, rest[len(best.names) + k].squares)
+        sd = float(np.hypot(_error(taken, whole), unseen))
+        told.append(Share(name, _part(taken, whole), sd, _part(by_itself, whole)))
     return tuple(sorted(told, key=lambda share: -share.share))
 
 
-def _excess(seen: CrossValidation) -> Array:
-    """Return the held-out χ² of each block beyond what noise adds."""
-    return np.subtract(seen.squares, seen.sizes)
+def _significant(best: Candidate) -> bool:
+    """Whether a set of causes leaves more than noise."""
+    return best.p_value < THRESHOLDS.set_inadequate
 
 
 def _part(taken: Array, whole: Array) -> float:
@@ -110,7 +120,7 @@ def remainder(best: Candidate, base: Candidate, forms: Sequence[FreeForm]) -> Re
         largest_sigma=float(np.abs(result.residuals).max()),
         in_units=_in_units(best, base),
         where=where,
-        significant=best.p_value < THRESHOLDS.set_inadequate,
+        significant=_significant(best),
     )
 
 

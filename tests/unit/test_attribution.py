@@ -75,6 +75,15 @@ def test_the_share_is_what_the_cause_takes_of_the_excess() -> None:
     assert told.share == told.alone
 
 
+def test_a_weak_cause_that_leaves_but_noise_takes_up_the_deviation() -> None:
+    # The noise of 120 data adds 15 to χ² or takes it away, and the cause adds some 30
+    for seed in range(12, 20):
+        found = search(measured(3 + 0.7 * np.sin(7 * PLACE) + noise(seed)), [SINE])
+        (told,) = shares(found[1], found, in_turn)
+        assert told.share == 1
+        assert 0.1 < told.sd < 0.6
+
+
 def test_what_no_cause_takes_up_stays_unexplained() -> None:
     found = search(measured(300 * np.sign(np.sin(23 * PLACE)) + noise(3)), LIBRARY)
     assert judge(found).verdict == "unexplained"
