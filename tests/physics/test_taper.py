@@ -201,7 +201,7 @@ def test_a_gradient_keeps_only_the_mirror_along_it(device: Device) -> None:
 
 
 @pytest.mark.parametrize(
-    "gradient", [(2e-3, 0.0), pytest.param(0.0, -2e-3, marks=pytest.mark.slow), (1.2e-3, 1.6e-3)]
+    "gradient", [(2e-3, 0.0), pytest.param((0.0, -2e-3), marks=pytest.mark.slow), (1.2e-3, 1.6e-3)]
 )
 def test_where_a_gradient_points_changes_no_frequency_of_a_drum(
     device: Device, gradient: tuple[float, float]
