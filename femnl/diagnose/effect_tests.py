@@ -63,8 +63,8 @@ def effect_tests(
     shaping = [one for one in ranges if not one.spec.strength]
     tried = _trial_shapes(shaping) if shapes is None else [_shape_of(shaping, shapes[effect.name])]
     none = {one.spec.name: 0.0 for one in strengths}
-    # Rounded otherwise than the model without it where an effect leads to another summation
-    without = wider.residuals(wider.pack(base, [*values, {**tried[0], **none}]))
+    # An effect may lead to another summation, which rounds otherwise than the model without it
+    at_zero = wider.residuals(wider.pack(base, [*values, {**tried[0], **none}]))
 
     def change(mine: Sequence[Values], name: str, which: Index, strength: Array) -> Array:
         """Return what a strength (k,) in some of the shapes (k,) changes of the residuals."""
@@ -72,7 +72,7 @@ def effect_tests(
             wider.pack(base, [*values, {**mine[k], **none, name: size}])
             for k, size in zip(which, strength, strict=True)
         ]
-        return np.array(list(wider.residuals_of_each(np.array(vectors)))) - without
+        return np.array(list(wider.residuals_of_each(np.array(vectors)))) - at_zero
 
     for mine in _portions(tried, len(result.residuals)):
         slopes = []

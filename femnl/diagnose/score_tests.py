@@ -1,6 +1,6 @@
 """Score tests: the causes and patterns to which the residuals of a fit point."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -38,19 +38,31 @@ def score_tests(
         shape. By default it is tested in all trial shapes. patterns: whether patterns are tested.
         run: tests effects side by side.
     """
-    found = _of_patterns(result) if patterns else []
-    kind = result.model.base_model.kind
+    own, _ = np.linalg.qr(result.jacobian[:, result.free])
+    found = _of_patterns(result, own) if patterns else []
+    base_model = result.model.base_model
+    base, values = result.model.split(result.vector)
+    others = [
+        other
+        for other in base_model.equivalent_solutions(base)
+        if _same(result, result.model.pack(other, values))
+    ]
     jobs = [
-        Job(f"{kind}: testing {effect.name}", partial(_of_effect, result, effect, shapes))
+        Job(
+            f"{base_model.kind}: testing {effect.name}",
+            partial(_of_effect, result, own, effect, others, shapes),
+        )
         for effect in library
         if effect.has_strength
     ]
     return [*found, *(test for tests in run(jobs) for test in tests)]
 
 
-def _of_patterns(result: FitResult) -> list[ScoreTest]:
-    """Return the test of each pattern of the model's residuals."""
-    own = _tangents(result)
+def _of_patterns(result: FitResult, own: Array) -> list[ScoreTest]:
+    """Return the test of each pattern of the model's residuals.
+
+    Args: own: orthonormal tangents (n, p) of the model.
+    """
     base, values = result.model.split(result.vector)
     named = result.model.base_model.residual_directions(result.model.effects, base, values)
     found = []
@@ -64,24 +76,24 @@ def _of_patterns(result: FitResult) -> list[ScoreTest]:
 
 
 def _of_effect(
-    result: FitResult, effect: Effect, shapes: Mapping[str, Values] | None
+    result: FitResult,
+    own: Array,
+    effect: Effect,
+    others: Sequence[Values],
+    shapes: Mapping[str, Values] | None,
 ) -> list[ScoreTest]:
-    """Return the tests of an effect, at the solution and at what is equivalent to it."""
-    own = _tangents(result)
+    """Return the tests of an effect at the solution, and what is new at others.
+
+    Args: own, shapes: as `effect_tests`. others: parameters of the base model that predict the
+        same.
+    """
     base, values = result.model.split(result.vector)
     here = effect_tests(result, own, effect, base, values, shapes)
     found = list(here)
-    for other in result.model.base_model.equivalent_solutions(base):
-        if _same(result, result.model.pack(other, values)):
-            there = effect_tests(result, own, effect, other, values, shapes)
-            found += [test for test in there if not _is_among(test, here)]
+    for other in others:
+        there = effect_tests(result, own, effect, other, values, shapes)
+        found += [test for test in there if not _is_among(test, here)]
     return found
-
-
-def _tangents(result: FitResult) -> Array:
-    """Return an orthonormal basis (n, p) of what the model's own parameters change."""
-    own, _ = np.linalg.qr(result.jacobian[:, result.free])
-    return np.asarray(own)
 
 
 def _is_among(test: ScoreTest, others: list[ScoreTest]) -> bool:
