@@ -38,6 +38,8 @@ def score_tests(
         shape. By default it is tested in all trial shapes. patterns: whether patterns are tested.
         run: tests effects side by side.
     """
+    if not library and not patterns:
+        return []
     own, _ = np.linalg.qr(result.jacobian[:, result.free])
     found = _of_patterns(result, own) if patterns else []
     base_model = result.model.base_model
