@@ -85,6 +85,26 @@ def _extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]])
     ]
 
 
+def extended_from_afar(result: FitResult, effect: Effect) -> FitResult | None:
+    """Fit with one more effect from base parameters far from the solution without it.
+
+    The result is None where the model knows none, and for an effect of many parameters, which rays
+    are too few to seek.
+    """
+    if _continuous(effect) > FEW_PARAMETERS:
+        return None
+    part = in_part(result)
+    base, earlier = part.model.split(part.vector)
+    model = ExtendedModel(part.model.base_model, (*part.model.effects, effect))
+    starts = []
+    for other in model.base_model.far_from(base):
+        there = fit(part.model, part.model.pack(other, earlier), most=1, near=part)
+        starts += [
+            model.pack(far.base, [*earlier, far.values]) for far in scan(there, effect)[:REFINED]
+        ]
+    return best_in_all(_finished(model, starts, part, FAR), result) if starts else None
+
+
 def _no_worse(
     model: ExtendedModel, result: FitResult, effect: Effect, values: Mapping[str, float]
 ) -> tuple[Array, dict[str, float]]:

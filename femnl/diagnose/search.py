@@ -18,10 +18,12 @@ from femnl.diagnose.criticism import criticise, glance
 from femnl.diagnose.extending import partners, to_extend
 from femnl.diagnose.multistart import (
     extended,
+    extended_from_afar,
     replaced,
     sought_again,
     sought_beyond,
 )
+from femnl.diagnose.score_tests import tangents_mislead
 from femnl.diagnose.search_rules import (
     falls_short,
     leaves_other_noise,
@@ -167,14 +169,22 @@ def _sought_anew(
     """Return fits from elsewhere, where no set explains the data beyond doubt.
 
     Tangents may have led astray: the best sets are sought anew, all single causes where effects act
-    by jumps, and there pairs from afar.
+    by jumps, and there pairs from afar. A strong cause may have led the base model astray.
     """
     ranked = sorted(grown.values(), key=lambda c: -c.weight)
     if needs_global_search(found) and size == PAIR:
         return [*from_afar(found, library, run)]
     everywhere = needs_global_search(found) and size == 0
     few = len(ranked) if everywhere else THRESHOLDS.sought_again[size]
-    return run(_seeking(ranked[:few]))
+    jobs = _seeking(ranked[:few])
+    base = found[0].result
+    if size == 0 and tangents_mislead(base):
+        jobs += [
+            job("trying from afar", names_of(base, e), base, partial(extended_from_afar, base, e))
+            for e in library
+            if e.has_strength
+        ]
+    return run(jobs)
 
 
 def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:

@@ -188,6 +188,14 @@ class MeasurementModel(ABC):
         """
         return []
 
+    def far_from(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Return base parameters far from a solution, which predict something else.
+
+        A strong cause that a model lacks may have led its fit astray, and only from them leads a
+        way to the solution with it.
+        """
+        return []
+
     def can_show(self, effect: Effect) -> bool:
         """Whether an effect acts on this kind of measurement, and its `needs` are met."""
         return self.kind in effect.kinds and all(name in self.scales for name in effect.needs)

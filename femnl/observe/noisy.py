@@ -197,6 +197,10 @@ class NoisyModel(MeasurementModel):
         """Return those of the bare model."""
         return self.bare.equivalent_solutions(base)
 
+    def far_from(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Return base parameters far from a solution."""
+        return self.bare.far_from(base)
+
     def usable_effects(self, library: Iterable[Effect]) -> list[Effect]:
         """Return those of the bare model."""
         return self.bare.usable_effects(library)

@@ -7,7 +7,14 @@ import pytest
 
 from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
+from femnl.diagnose.criticism import criticise
+from femnl.diagnose.multistart import extended, extended_from_afar
+from femnl.diagnose.posing import Posing
+from femnl.diagnose.sent import sent
+from femnl.effects import library
+from femnl.fits.least_squares import fit
 from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from tests.blind.lab.film import device
 from tests.blind.lab.maps import WAVELENGTH, MapBench
 
@@ -16,25 +23,38 @@ STILL = {f"{part}{k}": 0.0 for part in "eq" for k in range(1, 5)}
 AMPLITUDE = 3e-7
 
 
-def told(folder: Path, hidden: dict[str, dict[str, float]], *, timed: bool = True) -> Diagnosis:
-    """The diagnosis of a map of 25 × 25 points with known causes."""
-    rng = np.random.default_rng(4)
+BASE = {
+    "amplitude": AMPLITUDE,
+    "contrast": 0.02,
+    "theta": 0.8,
+    "phase": 0.3,
+    "x": 1e-6,
+    "y": -2e-6,
+}
+
+
+def written(
+    folder: Path,
+    hidden: dict[str, dict[str, float]],
+    rng: np.random.Generator,
+    base: dict[str, float],
+    *,
+    timed: bool = True,
+) -> Path:
+    """The file of a map of 25 × 25 points with known causes."""
     bench = MapBench("square-270um", tuple(hidden), rng, points=25)
-    base = {
-        "amplitude": AMPLITUDE,
-        "contrast": 0.02,
-        "theta": 0.8,
-        "phase": 0.3,
-        "x": 1e-6,
-        "y": -2e-6,
-    }
     groups = bench.measured(base, hidden, rng)
     if not timed:
         groups = {name: group.drop_vars("time") for name, group in groups.items()}
     path = folder / "map.nc"
     text = device("square-270um").text
     measurement.write(measurement.bundle(groups, geometry="square-270um", model=text), path)
-    return diagnose(path)
+    return path
+
+
+def told(folder: Path, hidden: dict[str, dict[str, float]], *, timed: bool = True) -> Diagnosis:
+    """The diagnosis of such a map."""
+    return diagnose(written(folder, hidden, np.random.default_rng(4), BASE, timed=timed))
 
 
 def worse(found: Diagnosis, *causes: str) -> float:
@@ -139,3 +159,17 @@ def test_a_map_without_times_does_not_blame_a_drift(tmp_path: Path) -> None:
     found = told(tmp_path, {"resonance_drift": DRIFT | {"linewidth": 100.0}}, timed=False)
     assert found.verdict == "unexplained"
     assert ("resonance_drift",) not in [trial.causes for trial in found.trials]
+
+
+def test_a_strong_partner_is_found_from_other_amplitudes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    truth = {"partner": 3.0, "in_phase": -0.47, "quadrature": 0.17}
+    path = written(tmp_path, {"doublet": truth}, rng, BASE | {"amplitude": 4.35e-7, "theta": 0.21})
+    model, effects = Posing(path, None, sent([library()["doublet"]], 1))(None)
+    base = fit(ExtendedModel(model), model.start)
+    (pointer,) = criticise(base, effects).pointers or ()
+    near = extended(base, pointer.effect, list(pointer.shapes))
+    far = extended_from_afar(base, pointer.effect)
+    assert near.chi2 > 10 * near.degrees
+    assert far is not None
+    assert far.chi2 < 1.2 * far.degrees

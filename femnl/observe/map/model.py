@@ -31,6 +31,10 @@ STRAIGHT = 1.0
 """Modulation z up to which the first harmonic hardly bends."""
 LARGER = (3.0, 9.0, 27.0, 81.0)
 """Factors by which a faint motion may be larger."""
+FAR = (0.4, 0.6, 1.6)
+"""Factors on the amplitude at which the harmonics of a deep fringe have a different order of sizes:
+an admixed mode of half the motion led fits to 1.8 times the amplitude.
+"""
 KEPT = 4
 """Places of the map at which shapes are kept: those of the last two tangents too, so that steps of
 all other parameters find theirs.
@@ -313,6 +317,13 @@ class MapModel(MeasurementModel):
         return [
             base | {"amplitude": factor * base["amplitude"], "contrast": base["contrast"] / factor}
             for factor in factors
+        ]
+
+    def far_from(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Return other amplitudes under as much less or more contrast."""
+        return [
+            base | {"amplitude": factor * base["amplitude"], "contrast": base["contrast"] / factor}
+            for factor in FAR
         ]
 
     def turned(self, base: Values) -> dict[str, float]:
