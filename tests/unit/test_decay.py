@@ -12,7 +12,12 @@ from scipy.stats import ncx2
 
 from femnl import measurement
 from femnl.core.errors import MeasurementError, ParameterError
-from femnl.fits.decay.likelihood import averages_of, correlation_time
+from femnl.fits.decay.likelihood import (
+    Likelihood,
+    averages_of,
+    correlation_time,
+    start_values,
+)
 from femnl.fits.decay.power import fit_decay
 from femnl.io.labfiles import read_lab_files
 from femnl.observe.decay.noise import FAR, log_density, normal_score
@@ -293,6 +298,13 @@ def test_magnitudes_and_complex_amplitudes_give_what_decibels_give() -> None:
     ]
     found = [fit_decay(way)["quality_factor"] for way in ways]
     np.testing.assert_allclose(found, found[0], rtol=1e-5)
+
+
+def test_powers_far_below_the_reference_of_a_stretch_are_fitted() -> None:
+    time = np.linspace(0.0, 5.0, 60)
+    far = Likelihood(time, -80.0 - time, 1.0, ())
+    values, _ = far.fit(start_values(far, -80.0, 1.0, -90.0))
+    assert values[1] / far.units[1] == pytest.approx(5.0 / far.units[1], rel=0.2)
 
 
 def test_what_does_not_ring_down_is_refused_in_one_line() -> None:

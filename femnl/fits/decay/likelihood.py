@@ -132,7 +132,8 @@ class Likelihood:
         ranges = {
             "level": (float(self.log_power.min()), top + HIGHEST_LEVEL),
             "decay_rate": (0.0, FASTEST_RATE),
-            "floor": (FAINTEST_FLOOR, top),
+            # All data of a stretch may lie farther below what its line says of its begin
+            "floor": (FAINTEST_FLOOR, max(top, FAINTEST_FLOOR)),
             "wander": (self.least_wander, max(self.least_wander, 0.0)),
             "damping_ratio": (0.0, STRONGEST_DAMPING),
             "exit_rate": (0.0, FASTEST_RATE),
