@@ -11,6 +11,7 @@ from pathlib import Path
 import typer
 
 from femnl.cli._main import CHAPTERS, _app
+from femnl.cli.effects import imitated
 from femnl.core.effect import Effect, ParameterSpec
 from femnl.core.numbers import plain, scale_for
 from femnl.effects import library
@@ -87,6 +88,8 @@ def effect_page(effect: Effect) -> str:
         "Limits": effect.limits,
         "Accuracy": f"{effect.accuracy:.1%} of what it does; {effect.accuracy_reason}",
     }
+    if effect.imitates:
+        told["Imitates"] = f"takes up of another cause at most {imitated(effect)}"
     return _joined(
         [
             _title(effect.name),

@@ -54,6 +54,7 @@ def _described(effect: Effect) -> dict[str, object]:
         "sentence",
         "accuracy",
         "accuracy_reason",
+        "imitates",
     )
     parameters = [vars(parameter) for parameter in effect.parameters]
     return {name: getattr(effect, name) for name in names} | {"parameters": parameters}
@@ -73,9 +74,16 @@ def _show(effect: Effect) -> None:
     head = ["parameter", "at least", "at most", "times", "why"]
     console().print(table(f"{effect.name}: {effect.sentence}", head, rows))
     console().print(f"accuracy: {effect.accuracy:.1%} of what it does; {effect.accuracy_reason}")
+    if effect.imitates:
+        console().print(f"takes up of another cause at most: {imitated(effect)}")
     for what in ("equation", "limits", "source"):
         console().print(f"{what}: {getattr(effect, what)}".replace("[", r"\["))
     console().print(f"shows in: {', '.join(effect.kinds)}")
+
+
+def imitated(effect: Effect) -> str:
+    """Return how much of other causes an effect takes up in their place, by kind."""
+    return ", ".join(f"{part:.0%} ({kind})" for kind, part in sorted(effect.imitates.items()))
 
 
 def _with_unit(parameter: ParameterSpec) -> str:

@@ -68,6 +68,9 @@ class Effect:
     one_material: whether its equation holds for a film of one material alone, so that films with
     layers that have a shape are diagnosed without it.
     accuracy: part of what it does to the data that its equation may miss on real devices, and why.
+    imitates: by kind of measurement, the largest part of what another cause does that it takes up
+    in that one's place, from `tests/blind/imitations.py`. Of a kind that is not in it, nothing is
+    known.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far
     it holds. file: where a file outside of every package defines it.
     """
@@ -87,6 +90,7 @@ class Effect:
     accuracy: float = 0.01
     one_material: bool = False
     accuracy_reason: str = "parameters of the device are known to a percent at best"
+    imitates: Mapping[Kind, float] = field(default_factory=dict)
     file: EffectFile | None = field(default=None, repr=False, compare=False)
 
     @property

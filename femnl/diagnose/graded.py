@@ -65,6 +65,19 @@ class Graded:
     def least_share(self, candidate: Candidate) -> float:
         """Return the part of the held-out excess χ² that causes named in part must take up.
 
+        A single cause may leave half of what it leaves of the cause that it imitates best.
+        """
+        kind = self.base.result.model.base_model.kind
+        least = self._least_share_of_kind(candidate)
+        effects = candidate.result.model.effects
+        imitated = effects[0].imitates.get(kind) if len(effects) == 1 else None
+        if imitated is None:
+            return least
+        return min(least, max((1 + imitated) / 2, THRESHOLDS.least_share_told))
+
+    def _least_share_of_kind(self, candidate: Candidate) -> float:
+        """Return the same whatever each cause imitates.
+
         Causes of one resonance may leave (2ε)² of it, with the accuracy ε of their equations.
         """
         if self.alike:

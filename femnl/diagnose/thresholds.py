@@ -161,6 +161,13 @@ class Thresholds:
         "significant remainder",
         _REALISTIC,
     )
+    least_share_told: float = _threshold(
+        0.78,
+        "the least of these parts that is asked of a single cause of which it is known how much of "
+        "others it takes up in their place: a cause beside something unknown of half its size takes "
+        "up 0.8: docs/adr/0047-shares-by-what-a-cause-imitates.md",
+        _REALISTIC,
+    )
     needless_odds: float = _threshold(
         1e3,
         "odds, with a discrepancy in every set, by which fewer causes must be likelier than a set "

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="detector_bandwidth",
     accuracy=0.03,
     accuracy_reason="one pole; amplifiers have further ones beyond",
+    imitates={"map": 0.92, "trace": 0.91},
     equation="V_n → V_n e^{inωτ}/(1 + inωτ), corner frequency 1/2πτ",
     parameters=(
         ParameterSpec(

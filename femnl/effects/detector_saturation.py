@@ -30,6 +30,7 @@ EFFECT = Effect(
     name="detector_saturation",
     accuracy=0.1,
     accuracy_reason="a sharp limit; amplifiers bend before they clip",
+    imitates={"map": 0.85, "trace": 0.8},
     equation="|v − V₀| ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
     parameters=(
         ParameterSpec(

@@ -30,6 +30,7 @@ EFFECT = Effect(
     name="doublet",
     accuracy=0.01,
     accuracy_reason="shapes of the film as designed",
+    imitates={"map": 1.0},
     equation="ξ → ξ + (e + iq) (cos ψ ξ_j + sin ψ ξ_k), j one of the five lowest other modes, k "
     "the one that symmetry gives the same frequency; ψ = 0 where there is none",
     parameters=(

@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="finite_spot",
     accuracy=0.03,
     accuracy_reason="a Gaussian spot; optics leave rings",
+    imitates={"map": 0.33},
     equation="V_n → ∫ V_n(x + s) 2/(πw²) e^{−2s²/w²} d²s",
     parameters=(
         ParameterSpec(

@@ -38,6 +38,7 @@ EFFECT = Effect(
     name="frequency_drift",
     accuracy=0.1,
     accuracy_reason="linear in time; drifts relax and wander",
+    imitates={"series": 0.18},
     equation="f → f (1 + r (t − t₀)), t₀ the first acquisition; in sweeps, t of each point",
     parameters=(
         ParameterSpec(

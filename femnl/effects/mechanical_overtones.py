@@ -33,6 +33,7 @@ EFFECT = Effect(
     name="mechanical_overtones",
     accuracy=0.03,
     accuracy_reason="overtones that follow the motion as its power",
+    imitates={"map": 0.08, "trace": 0.6},
     equation="u → u + Σ_n ξ_j (a_n cos nτ + b_n sin nτ), n = 2, 3, τ the phase of the motion",
     parameters=tuple(
         ParameterSpec(f"{part}{n}", "m", -1e-7, 1e-7, reason=REASON)

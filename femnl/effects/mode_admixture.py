@@ -25,6 +25,7 @@ EFFECT = Effect(
     name="mode_admixture",
     accuracy=0.02,
     accuracy_reason="five modes; higher ones follow with 1/(f² − f_j²)",
+    imitates={"map": 1.0},
     equation="ξ → ξ + Σ (e_j + iq_j) ξ_j, over the five lowest other modes",
     parameters=tuple(
         ParameterSpec(f"{part}{i}", "1", -1.0, 1.0, reason=REASON)

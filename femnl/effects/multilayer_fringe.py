@@ -27,6 +27,7 @@ EFFECT = Effect(
     name="multilayer_fringe",
     accuracy=0.01,
     accuracy_reason="flat layers of known indices, and a beam without aberrations",
+    imitates={"map": 0.72, "trace": 0.48},
     equation="f(u) = R(gap + u) of the stack, R = Σ_k Re c_k e^{4πik(gap + u)/λ}, "
     "c_k → c_k/(1 + ik gap/z_R) under a beam of z_R = λ/(πNA²)",
     parameters=(

@@ -28,6 +28,7 @@ EFFECT = Effect(
     name="nonlinear_damping",
     accuracy=0.05,
     accuracy_reason="the first order in u²; the next follows with u⁴",
+    imitates={"record": 0.12},
     equation="γ u̇ → γ (1 + η u²) u̇",
     parameters=(
         ParameterSpec(

@@ -28,6 +28,7 @@ EFFECT = Effect(
     name="one_sided_saturation",
     accuracy=0.1,
     accuracy_reason="a sharp limit; amplifiers bend before they clip",
+    imitates={"map": 0.78, "trace": 0.71},
     equation="v − V₀ ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
     parameters=(
         ParameterSpec(

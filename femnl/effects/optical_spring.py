@@ -22,6 +22,7 @@ EFFECT = Effect(
     name="optical_spring",
     accuracy=0.1,
     accuracy_reason="one time constant of the force",
+    imitates={"series": 1.0},
     equation="f² → f² (1 + sPξ²(x₀)), 1/Q → (1 + gPξ²(x₀))/Q, "
     "g = −ωτsQ of a force that relaxes in τ",
     parameters=(

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="photothermal",
     accuracy=0.1,
     accuracy_reason="linear in the power; absorption and conduction vary with temperature",
+    imitates={"series": 1.0},
     equation="f² → f² (1 − 2aP), 1/Q → (1 + gP)/Q, a ≥ 0",
     parameters=(
         ParameterSpec(

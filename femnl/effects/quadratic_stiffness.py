@@ -28,6 +28,7 @@ EFFECT = Effect(
     name="quadratic_stiffness",
     accuracy=0.02,
     accuracy_reason="second order in κ₂U",
+    imitates={"map": 0.82, "record": 0.02, "trace": 0.29},
     equation="ω₀² (u + αu³) → ω₀² (u + κ₂u² + αu³), κ₂ = k₂/k: α lowered by (10/9)κ₂², u₀ = "
     "−½κ₂U², u₂ = ⅙κ₂U²",
     parameters=(

@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="quintic_stiffness",
     accuracy=0.05,
     accuracy_reason="the next order, u⁷",
+    imitates={"record": 0.29},
     equation="ω₀² (u + αu³) → ω₀² (u + αu³ + α₅u⁵)",
     parameters=(
         ParameterSpec(

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="stage_rotation",
     accuracy=0.01,
     accuracy_reason="axes that are straight",
+    imitates={"map": 0.1},
     equation="x → R(β) x",
     parameters=(
         ParameterSpec(

@@ -24,6 +24,7 @@ EFFECT = Effect(
     name="stage_scale",
     accuracy=0.01,
     accuracy_reason="steps of equal length; piezos creep and bend",
+    imitates={"map": 0.53},
     equation="x → (1 + sx) x, y → (1 + sy) y",
     parameters=(
         ParameterSpec("stretch_x", "1", -0.2, 0.2, reason=REASON),

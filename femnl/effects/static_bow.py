@@ -13,6 +13,7 @@ EFFECT = Effect(
     name="static_bow",
     accuracy=0.05,
     accuracy_reason="a bow of the shape of the lowest mode; pressure and stress bow otherwise",
+    imitates={"map": 0.85},
     equation="θ → θ + 4πb ξ₁/λ",
     parameters=(
         ParameterSpec(

@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="thermal_stress",
     accuracy=0.03,
     accuracy_reason="coefficients of expansion vary by some percent over tens of kelvin",
+    imitates={"series": 0.09},
     equation="f² → f² (1 − s ΔT), s = E(α_film − α_wafer)/((1 − ν)σ₀), "
     "ΔT from the mean temperature",
     parameters=(

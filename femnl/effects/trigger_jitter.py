@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="trigger_jitter",
     accuracy=0.03,
     accuracy_reason="a normal distribution",
+    imitates={"map": 0.99, "trace": 0.98},
     equation="V_n → V_n e^{−(nωs)²/2}",
     parameters=(
         ParameterSpec(

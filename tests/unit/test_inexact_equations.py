@@ -205,6 +205,29 @@ def test_causes_of_one_resonance_may_leave_what_their_equations_may_miss(
     assert found.graded.least_share(line) == pytest.approx(least)
 
 
+class OfPlaces(Level):
+    kind = "trace"
+
+
+@pytest.mark.parametrize(
+    ("imitates", "least"),
+    [({}, 0.99), ({"trace": 0.99}, 0.99), ({"trace": 0.9}, 0.95), ({"trace": 0.2}, 0.78)],
+)
+def test_a_cause_that_imitates_little_may_leave_more(
+    imitates: dict[str, float], least: float
+) -> None:
+    noise = np.random.default_rng(20261128).standard_normal(N)
+    model = OfPlaces(STRONG * PLACE + noise, BLOCKS, 1e4)
+    line = replace(cause("line", 1, 0.01), imitates=imitates)
+    parabola = replace(cause("parabola", 2, 0.01), imitates=imitates)
+    alone = candidate(model, line)
+    both = candidate(model, line, parabola)
+    graded = Weighed([candidate(model), alone, both]).graded
+    assert graded.least_share(alone) == pytest.approx(least)
+    # Two causes imitate a third in the right ratio, whatever each does alone
+    assert graded.least_share(both) == 0.99
+
+
 @pytest.mark.parametrize(
     ("size", "alike", "verdict", "rule"),
     [

@@ -13,7 +13,7 @@ from tests.blind.lab.bench import Array, Bench, Values, sized
 from tests.blind.lab.film import device
 from tests.blind.lab.maps import SPOT, MapBench
 from tests.blind.realistic.noise import RealNoise
-from tests.blind.realistic.regimes import REGIMES, STRENGTH, Options, drawn
+from tests.blind.realistic.regimes import ALONE, REGIMES, STRENGTH, Options, drawn
 from tests.blind.realistic.truth import Hidden, bent, excess, residual, shares
 from tests.blind.realistic.unknown import SIGNALS, flat
 
@@ -55,7 +55,7 @@ class Film:
 
 def prepared(draw: Draw) -> Film:
     """Draw all of a file but its noise."""
-    regime = REGIMES[draw.regime]
+    regime = ALONE if draw.regime == ALONE.name else REGIMES[draw.regime]
     rng = np.random.default_rng([draw.seed, *draw.kind.encode()])
     options = drawn(regime, rng)
     bench: Bench = KINDS[draw.kind].setup(draw.geometry, draw.causes, rng)
@@ -77,7 +77,7 @@ def prepared(draw: Draw) -> Film:
     if options.corner and draw.kind == "spectrum" and draw.geometry in CORNERED:
         beside = {"rounded_corners": {"radius": options.corner}}
     more, signal = None, 0.0
-    if options.unknown and hidden:
+    if options.unknown and (hidden or regime is ALONE):
         more, signal = _unknown(draw, bench, base, hidden, options, rng)
     sigma = {name: size * options.stated for name, size in sigma.items()}
     return Film(bench, base, hidden, beside, more, signal, options, sigma)
@@ -88,14 +88,18 @@ def _unknown(
 ) -> tuple[Array, Any]:
     """Return what is unknown as noise and as data, of the wanted size.
 
-    That counts beside what base and cause take up of it.
+    That counts beside what base and cause take up of it, in parts of the cause, or in σ where there
+    is none.
     """
     signal = SIGNALS[draw.kind](bench, rng)
     count = bench.clean([(base, hidden)]).shape[1]
     whole = flat(draw.kind, signal, count)
     _, off = residual(bench, base, hidden, tuple(hidden), steps=0)
     size = float(np.linalg.norm(off(whole)))
-    factor = options.unknown * float(np.sqrt(excess(bench, base, hidden, (), steps=0))) / size
+    wanted = options.unknown
+    if hidden:
+        wanted *= float(np.sqrt(excess(bench, base, hidden, (), steps=0)))
+    factor = wanted / size
     return signal * factor, whole * factor
 
 

@@ -71,6 +71,8 @@ REGIMES = {
         Regime("lacking", lacking=True),
     )
 }
+ALONE = Regime("unknown alone", unknown=(30.0, 3000.0))
+"""Nothing but what no library has, of so many σ; not part of the study of verdicts."""
 QUIET = ("exact", "glitches", "correlated noise", "wrong sd", "as fabricated")
 """Regimes in which nothing is hidden in some files."""
 MANY = ("response", "map", "trace", "record")

@@ -1,0 +1,117 @@
+"""How much of each cause others take up in its place: `python -m tests.blind.imitations FOLDER`.
+
+Files have one cause, by either law, or something that no library has. Each is fitted with every
+cause of the library alone. FOLDER/results.jsonl has a line for each file as it is done: what is
+done is not done again. At the end the largest parts are printed, by kind of measurement, as the
+files of effects state them.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import zlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from femnl.diagnose.criticism import criticise
+from femnl.diagnose.multistart import extended, replaced
+from femnl.diagnose.posing import Posing
+from femnl.diagnose.sent import sent
+from femnl.effects import library
+from femnl.fits.least_squares import fit
+from femnl.observe.extended import ExtendedModel
+from tests.blind.lab import GEOMETRIES
+from tests.blind.realistic.files import Draw, make
+from tests.blind.realistic.jobs import KINDS, drawn
+from tests.blind.realistic.regimes import ALONE
+
+SEED = 20611125
+ROUNDS = 4
+"""Of files with a cause, which has its first and its second law in turn."""
+UNKNOWN = 5
+"""Files of each kind and round with something that no library has."""
+LEAST = 1000.0
+"""Excess of χ² from which on parts of it are counted: less may be noise."""
+LAWS = ("exact", "inexact")
+
+
+def draws(seed: int, rounds: int, kinds: tuple[str, ...]) -> Iterator[Draw]:
+    """Yield the files of a study."""
+    for k in range(rounds):
+        law = LAWS[k % len(LAWS)]
+        for _, draw in drawn(seed + k, 1, kinds, (law,)):
+            if draw.causes:
+                yield draw
+        for kind in kinds:
+            for n in range(UNKNOWN):
+                number = zlib.crc32(f"{seed} {k} {kind} {n}".encode())
+                films = GEOMETRIES[kind]
+                yield Draw(kind, (), ALONE.name, films[number % len(films)], number)
+
+
+def taken(path: Path) -> tuple[str, dict[str, float]]:
+    """Return the kind of a file, and the part of its excess χ² that each cause alone takes up.
+
+    There are no parts where the excess is too small.
+    """
+    model, effects = Posing(path, None, sent(list(library().values()), 1))(None)
+    first = fit(ExtendedModel(model), model.start)
+    excess = first.chi2 - first.degrees
+    if excess < LEAST:
+        return model.kind, {}
+    pointers = criticise(first, effects).pointers or ()
+    found = {p.effect.name: extended(first, p.effect, list(p.shapes)) for p in pointers}
+    others = {e.name: replaced(first, e) for e in effects if not e.has_strength}
+    fits = found | {name: one for name, one in others.items() if one is not None}
+    return model.kind, {name: (first.chi2 - one.chi2) / excess for name, one in fits.items()}
+
+
+def largest(rows: Iterable[dict[str, Any]]) -> dict[str, dict[str, tuple[float, str]]]:
+    """Return by cause and kind the largest part that it takes up of another, and of which.
+
+    Args: rows: `kind`, `causes` that are hidden, and `taken` of each file.
+    """
+    found: dict[str, dict[str, tuple[float, str]]] = {}
+    for row in rows:
+        for name, part in row["taken"].items():
+            if name in row["causes"]:
+                continue
+            by_kind = found.setdefault(name, {})
+            hidden = "+".join(row["causes"]) or "unknown"
+            by_kind[row["kind"]] = max(by_kind.get(row["kind"], (0.0, "")), (part, hidden))
+    return found
+
+
+def main() -> None:
+    """Run what is missing of the study, and print the largest parts."""
+    parser = argparse.ArgumentParser(description="what each cause takes up of others")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--kinds", default=",".join(KINDS), help="kinds of measurement, by comma")
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    results = given.folder / "results.jsonl"
+    results.touch()
+    rows = [json.loads(line) for line in results.read_text("utf-8").splitlines()]
+    done = {row["name"] for row in rows}
+    sys.stderr.write(f"seed {given.seed}\n")
+    for draw in draws(given.seed, given.rounds, tuple(given.kinds.split(","))):
+        if draw.name in done:
+            continue
+        with tempfile.TemporaryDirectory() as room:
+            path = Path(room) / "file.nc"
+            make(draw, path)
+            kind, parts = taken(path)
+        rows.append({"name": draw.name, "kind": kind, "causes": draw.causes, "taken": parts})
+        with results.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(rows[-1]) + "\n")
+    for name, by_kind in sorted(largest(rows).items()):
+        told = ", ".join(f"{kind} {p:.3f} ({of})" for kind, (p, of) in sorted(by_kind.items()))
+        sys.stdout.write(f"{name}: {told}\n")
+
+
+if __name__ == "__main__":
+    main()
