@@ -89,7 +89,7 @@ def effect_page(effect: Effect) -> str:
         "Accuracy": f"{effect.accuracy:.1%} of what it does; {effect.accuracy_reason}",
     }
     if effect.imitates:
-        told["Imitates"] = f"takes up of another cause at most {imitated(effect)}"
+        told["Takes up in another's place, at most"] = imitated(effect)
     return _joined(
         [
             _title(effect.name),

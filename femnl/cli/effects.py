@@ -75,7 +75,7 @@ def _show(effect: Effect) -> None:
     console().print(table(f"{effect.name}: {effect.sentence}", head, rows))
     console().print(f"accuracy: {effect.accuracy:.1%} of what it does; {effect.accuracy_reason}")
     if effect.imitates:
-        console().print(f"takes up of another cause at most: {imitated(effect)}")
+        console().print(f"takes up in another's place, at most: {imitated(effect)}")
     for what in ("equation", "limits", "source"):
         console().print(f"{what}: {getattr(effect, what)}".replace("[", r"\["))
     console().print(f"shows in: {', '.join(effect.kinds)}")
@@ -83,7 +83,16 @@ def _show(effect: Effect) -> None:
 
 def imitated(effect: Effect) -> str:
     """Return how much of other causes an effect takes up in their place, by kind."""
-    return ", ".join(f"{part:.0%} ({kind})" for kind, part in sorted(effect.imitates.items()))
+    return "; ".join(
+        f"{kind}: " + ", ".join(f"{part:.0%} of {_cause(name)}" for name, part in parts.items())
+        for kind, parts in sorted(effect.imitates.items())
+    )
+
+
+def _cause(name: str) -> str:
+    from femnl.core.effect import UNKNOWN
+
+    return "what no library has" if name == UNKNOWN else name
 
 
 def _with_unit(parameter: ParameterSpec) -> str:

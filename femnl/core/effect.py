@@ -14,6 +14,8 @@ Stage = str
 Values = Mapping[str, float]
 ManyValues = Mapping[str, Array]
 """The same of several models at once, (m,) of each parameter."""
+UNKNOWN = "unknown"
+"""What no library has, among what a cause imitates."""
 Change = Callable[[Any, Values], Any]
 """A pure function from the value of a stage and the parameters of the effect to a new value of the
 same type.
@@ -69,8 +71,8 @@ class Effect:
     layers that have a shape are diagnosed without it.
     accuracy: part of what it does to the data that its equation may miss on real devices, and why.
     imitates: by kind of measurement, the largest part of what another cause does that it takes up
-    in that one's place, from `tests/blind/imitations.py`. Of a kind that is not in it, nothing is
-    known.
+    in that one's place, by the name of each where it is much, and of what no library has, under
+    `UNKNOWN`; from `tests/blind/imitations.py`. Of a kind that is not in it, nothing is known.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far
     it holds. file: where a file outside of every package defines it.
     """
@@ -90,7 +92,7 @@ class Effect:
     accuracy: float = 0.01
     one_material: bool = False
     accuracy_reason: str = "parameters of the device are known to a percent at best"
-    imitates: Mapping[Kind, float] = field(default_factory=dict)
+    imitates: Mapping[Kind, Mapping[str, float]] = field(default_factory=dict)
     file: EffectFile | None = field(default=None, repr=False, compare=False)
 
     @property

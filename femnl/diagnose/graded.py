@@ -65,15 +65,19 @@ class Graded:
     def least_share(self, candidate: Candidate) -> float:
         """Return the part of the held-out excess χ² that causes named in part must take up.
 
-        A single cause may leave half of what it leaves of the cause that it imitates best.
+        A single cause may leave half of what it leaves of that which it imitates best and no fit
+        has tried: of causes that the library lacks, and of what no library has.
         """
-        kind = self.base.result.model.base_model.kind
         least = self._least_share_of_kind(candidate)
         effects = candidate.result.model.effects
-        imitated = effects[0].imitates.get(kind) if len(effects) == 1 else None
+        if len(effects) != 1:
+            return least
+        imitated = effects[0].imitates.get(self.base.result.model.base_model.kind)
         if imitated is None:
             return least
-        return min(least, max((1 + imitated) / 2, THRESHOLDS.least_share_told))
+        tried = {c.names[0] for c in self.found if len(c.names) == 1}
+        most = max(part for name, part in imitated.items() if name not in tried)
+        return min(least, max((1 + most) / 2, THRESHOLDS.least_share_told))
 
     def _least_share_of_kind(self, candidate: Candidate) -> float:
         """Return the same whatever each cause imitates.

@@ -164,8 +164,8 @@ class Thresholds:
     least_share_told: float = _threshold(
         0.78,
         "the least of these parts that is asked of a single cause of which it is known how much of "
-        "others it takes up in their place: beside something unknown of half its size a cause takes "
-        "up 0.8: docs/adr/0047-shares-by-what-a-cause-imitates.md",
+        "others it takes up in their place: beside something unknown of half its size, a cause "
+        "takes up 0.8: docs/adr/0047-shares-by-what-a-cause-imitates.md",
         _REALISTIC,
     )
     needless_odds: float = _threshold(

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Harmonics, Signal
 
 _REASON = (
@@ -29,7 +29,7 @@ EFFECT = Effect(
     accuracy=0.1,
     accuracy_reason="a path of the same gain over the span of the sweeps; standing waves in cables "
     "whose ends reflect a quarter and two fifths of the voltage vary it by 0.1",
-    imitates={"map": 0.98, "trace": 0.36},
+    imitates={"map": {UNKNOWN: 0.98}, "trace": {UNKNOWN: 0.01}},
     equation="V → V + C V_drive",
     parameters=(
         ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Harmonics
 
 
@@ -21,7 +21,10 @@ EFFECT = Effect(
     name="detector_bandwidth",
     accuracy=0.03,
     accuracy_reason="one pole; amplifiers have further ones beyond",
-    imitates={"map": 0.92, "trace": 0.91},
+    imitates={
+        "map": {"trigger_jitter": 0.92, UNKNOWN: 0.05},
+        "trace": {"trigger_jitter": 0.91, UNKNOWN: 0.01},
+    },
     equation="V_n → V_n e^{inωτ}/(1 + inωτ), corner frequency 1/2πτ",
     parameters=(
         ParameterSpec(

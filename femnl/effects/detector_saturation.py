@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Fringe, Signal
 
 
@@ -30,7 +30,10 @@ EFFECT = Effect(
     name="detector_saturation",
     accuracy=0.1,
     accuracy_reason="a sharp limit; amplifiers bend before they clip",
-    imitates={"map": 0.85, "trace": 0.8},
+    imitates={
+        "map": {"one_sided_saturation": 0.85, UNKNOWN: 0.01},
+        "trace": {"one_sided_saturation": 0.73, UNKNOWN: 0.8},
+    },
     equation="|v − V₀| ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
     parameters=(
         ParameterSpec(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Points
 
 
@@ -20,7 +20,7 @@ EFFECT = Effect(
     name="electrostatic_softening",
     accuracy=0.03,
     accuracy_reason="plates without rim, and a charge that stays",
-    imitates={"series": 0.09},
+    imitates={"series": {UNKNOWN: 0.09}},
     equation="f² → f² (1 − s(V² − 2VV₀)), s ≤ ε₀/(ρhd³ω²), V₀ of charges and contact potential",
     parameters=(
         ParameterSpec(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Placement
 
 
@@ -17,7 +17,7 @@ EFFECT = Effect(
     name="finite_spot",
     accuracy=0.03,
     accuracy_reason="a Gaussian spot; optics leave rings",
-    imitates={"map": 0.33},
+    imitates={"map": {UNKNOWN: 0.02}},
     equation="V_n → ∫ V_n(x + s) 2/(πw²) e^{−2s²/w²} d²s",
     parameters=(
         ParameterSpec(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Lines, Oscillator, Points, Ringing
 
 
@@ -38,7 +38,7 @@ EFFECT = Effect(
     name="frequency_drift",
     accuracy=0.1,
     accuracy_reason="linear in time; drifts relax and wander",
-    imitates={"series": 0.18},
+    imitates={"series": {UNKNOWN: 0.01}},
     equation="f → f (1 + r (t − t₀)), t₀ the first acquisition; in sweeps, t of each point",
     parameters=(
         ParameterSpec(

@@ -28,7 +28,6 @@ EFFECT = Effect(
     name="gas_damping",
     accuracy=0.2,
     accuracy_reason="free molecules at a wall of known temperature; the accommodation is not known",
-    imitates={"series": 0.0},
     equation="1/Q → 1/Q₀ + c p, c = (2/π)^{3/2} √(M/RT)/(ρhf) times 0.13 to 4.6",
     parameters=(
         ParameterSpec(

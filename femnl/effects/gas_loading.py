@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import ModalSystem, Points
 
@@ -38,7 +38,7 @@ EFFECT = Effect(
     name="gas_loading",
     accuracy=0.03,
     accuracy_reason="no viscosity, holes count as film; Lamb's term is exact for an open rim",
-    imitates={"series": 0.1},
+    imitates={"series": {UNKNOWN: 0.1}},
     equation="M → M + ρ_g (∫∫ξξ′/(2πr) + ∫ξ² coth(kd)/k), d the gap to the wafer; with no wafer "
     "twice the first term",
     parameters=(

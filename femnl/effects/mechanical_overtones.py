@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 REASON = (
@@ -33,7 +33,10 @@ EFFECT = Effect(
     name="mechanical_overtones",
     accuracy=0.03,
     accuracy_reason="overtones that follow the motion as its power",
-    imitates={"map": 0.08, "trace": 0.6},
+    imitates={
+        "map": {UNKNOWN: 0.03},
+        "trace": {"multilayer_fringe": 0.6, "trigger_jitter": 0.57, UNKNOWN: 0.01},
+    },
     equation="u → u + Σ_n ξ_j (a_n cos nτ + b_n sin nτ), n = 2, 3, τ the phase of the motion",
     parameters=tuple(
         ParameterSpec(f"{part}{n}", "m", -1e-7, 1e-7, reason=REASON)

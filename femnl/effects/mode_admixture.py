@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 OTHERS = 5
@@ -25,7 +25,16 @@ EFFECT = Effect(
     name="mode_admixture",
     accuracy=0.02,
     accuracy_reason="five modes; higher ones follow with 1/(f² − f_j²)",
-    imitates={"map": 1.0},
+    imitates={
+        "map": {
+            "doublet": 1.0,
+            "resonance_drift": 1.0,
+            "multilayer_fringe": 0.59,
+            "stage_rotation": 0.58,
+            "stage_scale": 0.56,
+            UNKNOWN: 0.68,
+        }
+    },
     equation="ξ → ξ + Σ (e_j + iq_j) ξ_j, over the five lowest other modes",
     parameters=tuple(
         ParameterSpec(f"{part}{i}", "1", -1.0, 1.0, reason=REASON)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Fringe
 from femnl.optics.airy import Film, beam_waves
 
@@ -27,7 +27,7 @@ EFFECT = Effect(
     name="multilayer_fringe",
     accuracy=0.01,
     accuracy_reason="flat layers of known indices, and a beam without aberrations",
-    imitates={"map": 0.72, "trace": 0.48},
+    imitates={"map": {"one_sided_saturation": 0.72, UNKNOWN: 0.02}, "trace": {UNKNOWN: 0.18}},
     equation="f(u) = R(gap + u) of the stack, R = Σ_k Re c_k e^{4πik(gap + u)/λ}, "
     "c_k → c_k/(1 + ik gap/z_R) under a beam of z_R = λ/(πNA²)",
     parameters=(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Dissipation, Equation, Oscillator
 
 
@@ -28,7 +28,7 @@ EFFECT = Effect(
     name="nonlinear_damping",
     accuracy=0.05,
     accuracy_reason="the first order in u²; the next follows with u⁴",
-    imitates={"record": 0.12},
+    imitates={"record": {UNKNOWN: 0.01}},
     equation="γ u̇ → γ (1 + η u²) u̇",
     parameters=(
         ParameterSpec(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Fringe, Signal
 
 
@@ -28,7 +28,10 @@ EFFECT = Effect(
     name="one_sided_saturation",
     accuracy=0.1,
     accuracy_reason="a sharp limit; amplifiers bend before they clip",
-    imitates={"map": 0.78, "trace": 0.71},
+    imitates={
+        "map": {"multilayer_fringe": 0.78, "detector_saturation": 0.75, UNKNOWN: 0.01},
+        "trace": {"detector_saturation": 0.71, "multilayer_fringe": 0.69, UNKNOWN: 0.41},
+    },
     equation="v − V₀ ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
     parameters=(
         ParameterSpec(

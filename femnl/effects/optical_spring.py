@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Points
 
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
     name="optical_spring",
     accuracy=0.1,
     accuracy_reason="one time constant of the force",
-    imitates={"series": 1.0},
+    imitates={"series": {"photothermal": 1.0, UNKNOWN: 0.01}},
     equation="f² → f² (1 + sPξ²(x₀)), 1/Q → (1 + gPξ²(x₀))/Q, "
     "g = −ωτsQ of a force that relaxes in τ",
     parameters=(

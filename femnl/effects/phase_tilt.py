@@ -1,6 +1,6 @@
 """A wafer that is tilted against the film."""
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 REASON = (
@@ -18,7 +18,7 @@ EFFECT = Effect(
     name="phase_tilt",
     accuracy=0.01,
     accuracy_reason="a plane; a chip that is glued is bent too",
-    imitates={"map": 0.38},
+    imitates={"map": {UNKNOWN: 0.38}},
     equation="θ → θ + 4π(sx x + sy y)/λ",
     parameters=(
         ParameterSpec("slope_x", "1", -1.5e-3, 1.5e-3, reason=REASON),

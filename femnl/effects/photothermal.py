@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Points
 
 
@@ -21,7 +21,7 @@ EFFECT = Effect(
     name="photothermal",
     accuracy=0.1,
     accuracy_reason="linear in the power; absorption and conduction vary with temperature",
-    imitates={"series": 1.0},
+    imitates={"series": {"optical_spring": 1.0, UNKNOWN: 0.01}},
     equation="f² → f² (1 − 2aP), 1/Q → (1 + gP)/Q, a ≥ 0",
     parameters=(
         ParameterSpec(

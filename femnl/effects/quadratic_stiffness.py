@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Equation, Motion, Oscillator
 
 
@@ -28,7 +28,11 @@ EFFECT = Effect(
     name="quadratic_stiffness",
     accuracy=0.02,
     accuracy_reason="second order in κ₂U",
-    imitates={"map": 0.82, "record": 0.02, "trace": 0.29},
+    imitates={
+        "map": {"static_bow": 0.82, UNKNOWN: 0.04},
+        "record": {UNKNOWN: 0.01},
+        "trace": {UNKNOWN: 0.01},
+    },
     equation="ω₀² (u + αu³) → ω₀² (u + κ₂u² + αu³), κ₂ = k₂/k: α lowered by (10/9)κ₂², u₀ = "
     "−½κ₂U², u₂ = ⅙κ₂U²",
     parameters=(

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Equation, Oscillator
 
 
@@ -20,7 +20,7 @@ EFFECT = Effect(
     name="quintic_stiffness",
     accuracy=0.05,
     accuracy_reason="the next order, u⁷",
-    imitates={"record": 0.29},
+    imitates={"record": {UNKNOWN: 0.01}},
     equation="ω₀² (u + αu³) → ω₀² (u + αu³ + α₅u⁵)",
     parameters=(
         ParameterSpec(

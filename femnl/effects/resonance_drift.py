@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 
@@ -19,7 +19,7 @@ EFFECT = Effect(
     name="resonance_drift",
     accuracy=0.1,
     accuracy_reason="linear in time; drifts relax and wander",
-    imitates={"map": 0.96},
+    imitates={"map": {"doublet": 0.96, UNKNOWN: 0.24}},
     equation="U → U (1 + 2iδ)/(1 + 2i(δ + rs)), s = −½ … ½ the time in the map, δ = (f_d − f₀)/w "
     "in its middle",
     parameters=(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Placement
 
 
@@ -21,7 +21,7 @@ EFFECT = Effect(
     name="stage_rotation",
     accuracy=0.01,
     accuracy_reason="axes that are straight",
-    imitates={"map": 0.1},
+    imitates={"map": {UNKNOWN: 0.02}},
     equation="x → R(β) x",
     parameters=(
         ParameterSpec(

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Placement
 
 REASON = (
@@ -24,7 +24,7 @@ EFFECT = Effect(
     name="stage_scale",
     accuracy=0.01,
     accuracy_reason="steps of equal length; piezos creep and bend",
-    imitates={"map": 0.53},
+    imitates={"map": {"multilayer_fringe": 0.53, "one_sided_saturation": 0.51, UNKNOWN: 0.15}},
     equation="x → (1 + sx) x, y → (1 + sy) y",
     parameters=(
         ParameterSpec("stretch_x", "1", -0.2, 0.2, reason=REASON),

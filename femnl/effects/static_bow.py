@@ -1,6 +1,6 @@
 """A film that is bent at rest."""
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 
@@ -13,7 +13,7 @@ EFFECT = Effect(
     name="static_bow",
     accuracy=0.05,
     accuracy_reason="a bow of the shape of the lowest mode; pressure and stress bow otherwise",
-    imitates={"map": 0.85},
+    imitates={"map": {"quadratic_stiffness": 0.85, UNKNOWN: 0.2}},
     equation="θ → θ + 4πb ξ₁/λ",
     parameters=(
         ParameterSpec(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Points
 
 
@@ -20,7 +20,7 @@ EFFECT = Effect(
     name="thermal_stress",
     accuracy=0.03,
     accuracy_reason="coefficients of expansion vary by some percent over tens of kelvin",
-    imitates={"series": 0.09},
+    imitates={"series": {UNKNOWN: 0.09}},
     equation="f² → f² (1 − s ΔT), s = E(α_film − α_wafer)/((1 − ν)σ₀), "
     "ΔT from the mean temperature",
     parameters=(

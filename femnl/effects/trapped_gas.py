@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Lines, ModalSystem, Points
 
@@ -56,7 +56,7 @@ EFFECT = Effect(
     name="trapped_gas",
     accuracy=0.1,
     accuracy_reason="one time constant for the gas under each mode",
-    imitates={"series": 0.98},
+    imitates={"series": {"gas_damping": 0.98, UNKNOWN: 0.02}},
     equation="ω² → ω² + (np/ρhd) (ωτ)²/(1 + (ωτ)²), 1/Q → 1/Q + (np/ρhdω²) ωτ/(1 + (ωτ)²), "
     "τ = 1/(Dk²) the time in which gas leaves from under a mode, d the gap",
     parameters=(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Harmonics
 
 
@@ -18,7 +18,10 @@ EFFECT = Effect(
     name="trigger_jitter",
     accuracy=0.03,
     accuracy_reason="a normal distribution",
-    imitates={"map": 0.99, "trace": 0.98},
+    imitates={
+        "map": {"detector_bandwidth": 0.99, UNKNOWN: 0.04},
+        "trace": {"detector_bandwidth": 0.98, UNKNOWN: 0.01},
+    },
     equation="V_n → V_n e^{−(nωs)²/2}",
     parameters=(
         ParameterSpec(

@@ -48,7 +48,10 @@ def test_every_cause_has_a_page_with_all_that_its_file_says(pages: Any) -> None:
     for effect in library().values():
         assert f"   {effect.name}\n" in contents
         page = pages.effect_page(effect).replace("\\", "")
-        for text in (effect.equation, effect.source, effect.limits, effect.accuracy_reason):
+        imitated = [f"of {name}" for parts in effect.imitates.values() for name in parts]
+        told = [name.replace("of unknown", "of what no library has") for name in imitated]
+        told += [effect.equation, effect.source, effect.limits, effect.accuracy_reason]
+        for text in told:
             assert " ".join(text.replace("`", "``").split()) in " ".join(page.split())
         for parameter in effect.parameters:
             assert f"* - ``{parameter.name}``" in page

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.criticism import criticise
@@ -211,21 +211,30 @@ class OfPlaces(Level):
 
 @pytest.mark.parametrize(
     ("imitates", "least"),
-    [({}, 0.99), ({"trace": 0.99}, 0.99), ({"trace": 0.9}, 0.95), ({"trace": 0.2}, 0.78)],
+    [
+        ({}, 0.99),
+        ({"map": {UNKNOWN: 0.2}}, 0.99),
+        ({"trace": {UNKNOWN: 0.99}}, 0.99),
+        ({"trace": {UNKNOWN: 0.9}}, 0.95),
+        ({"trace": {UNKNOWN: 0.2}}, 0.78),
+        ({"trace": {"lacking": 0.9, UNKNOWN: 0.2}}, 0.95),
+        # Where what it imitates was tried, too, data tell the two apart
+        ({"trace": {"parabola": 0.9, UNKNOWN: 0.2}}, 0.78),
+    ],
 )
-def test_a_cause_that_imitates_little_may_leave_more(
-    imitates: dict[str, float], least: float
+def test_a_cause_may_leave_more_where_it_imitates_little_that_was_not_tried(
+    imitates: dict[str, dict[str, float]], least: float
 ) -> None:
     noise = np.random.default_rng(20261128).standard_normal(N)
     model = OfPlaces(STRONG * PLACE + noise, BLOCKS, 1e4)
     line = replace(cause("line", 1, 0.01), imitates=imitates)
     parabola = replace(cause("parabola", 2, 0.01), imitates=imitates)
-    alone = candidate(model, line)
-    both = candidate(model, line, parabola)
-    graded = Weighed([candidate(model), alone, both]).graded
-    assert graded.least_share(alone) == pytest.approx(least)
+    sets = ((), (line,), (parabola,), (line, parabola))
+    found = [candidate(model, *effects) for effects in sets]
+    graded = Weighed(found).graded
+    assert graded.least_share(found[1]) == pytest.approx(least)
     # Two causes imitate a third in the right ratio, whatever each does alone
-    assert graded.least_share(both) == 0.99
+    assert graded.least_share(found[3]) == 0.99
 
 
 @pytest.mark.parametrize(
