@@ -8,6 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from femnl.core.effect import UNKNOWN
 from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
 from femnl.diagnose.rivals import may_imitate
@@ -65,19 +66,18 @@ class Graded:
     def least_share(self, candidate: Candidate) -> float:
         """Return the part of the held-out excess χ² that causes named in part must take up.
 
-        A single cause may leave half of what it leaves of that which it imitates best and no fit
-        has tried: of causes that the library lacks, and of what no library has.
+        A single cause may leave half of what it leaves of anything that no library has, unless it
+        imitates a cause that was not tried.
         """
         least = self._least_share_of_kind(candidate)
         effects = candidate.result.model.effects
         if len(effects) != 1:
             return least
-        imitated = effects[0].imitates.get(self.base.result.model.base_model.kind)
-        if imitated is None:
-            return least
+        imitated = effects[0].imitates.get(self.base.result.model.base_model.kind, {})
         tried = {c.names[0] for c in self.found if len(c.names) == 1}
-        most = max(part for name, part in imitated.items() if name not in tried)
-        return min(least, max((1 + most) / 2, THRESHOLDS.least_share_told))
+        if UNKNOWN not in imitated or not imitated.keys() <= {*tried, UNKNOWN}:
+            return least
+        return min(least, max((1 + imitated[UNKNOWN]) / 2, THRESHOLDS.least_share_told))
 
     def _least_share_of_kind(self, candidate: Candidate) -> float:
         """Return the same whatever each cause imitates.

@@ -217,12 +217,13 @@ class OfPlaces(Level):
         ({"trace": {UNKNOWN: 0.99}}, 0.99),
         ({"trace": {UNKNOWN: 0.9}}, 0.95),
         ({"trace": {UNKNOWN: 0.2}}, 0.78),
-        ({"trace": {"lacking": 0.9, UNKNOWN: 0.2}}, 0.95),
+        ({"trace": {"parabola": 0.9}}, 0.99),
+        ({"trace": {"lacking": 0.6, UNKNOWN: 0.2}}, 0.99),
         # Where what it imitates was tried, too, data tell the two apart
         ({"trace": {"parabola": 0.9, UNKNOWN: 0.2}}, 0.78),
     ],
 )
-def test_a_cause_may_leave_more_where_it_imitates_little_that_was_not_tried(
+def test_a_cause_may_leave_more_where_it_imitates_nothing_that_was_not_tried(
     imitates: dict[str, dict[str, float]], least: float
 ) -> None:
     noise = np.random.default_rng(20261128).standard_normal(N)
