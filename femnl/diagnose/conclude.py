@@ -33,10 +33,20 @@ SHOWN = 1e-6
 
 
 def conclude(
-    file: str, digest: str, found: list[Candidate], notes: tuple[str, ...], run: Run
+    file: str,
+    digest: str,
+    found: list[Candidate],
+    notes: tuple[str, ...],
+    run: Run,
+    considered: frozenset[str],
 ) -> Diagnosis:
-    """Weigh what was fitted and put the verdict together."""
-    judged = judge(found, run)
+    """Weigh what was fitted and put the verdict together.
+
+    Args: file, digest: of the measurement. found: what was fitted, the base model first. notes:
+        of the model and its effects. run: does what does not wait for each other. considered: names
+        of the effects that were.
+    """
+    judged = judge(found, run, considered)
     base = found[0]
     best = judged.chosen
     share = judged.share

@@ -33,11 +33,12 @@ ACCURACIES = 2.0
 class Graded:
     """Fitted candidates, the base model first, with a discrepancy in each.
 
-    run: does what does not wait for each other.
+    run: does what does not wait for each other. considered: names of the effects that were.
     """
 
     found: list[Candidate]
     run: Run
+    considered: frozenset[str]
 
     @property
     def base(self) -> Candidate:
@@ -67,15 +68,14 @@ class Graded:
         """Return the part of the held-out excess χ² that causes named in part must take up.
 
         A single cause may leave half of what it leaves of anything that no library has, unless it
-        imitates a cause that was not tried.
+        imitates a cause that was not considered.
         """
         least = self._least_share_of_kind(candidate)
         effects = candidate.result.model.effects
         if len(effects) != 1:
             return least
         imitated = effects[0].imitates.get(self.base.result.model.base_model.kind, {})
-        tried = {c.names[0] for c in self.found if len(c.names) == 1}
-        if UNKNOWN not in imitated or not imitated.keys() <= {*tried, UNKNOWN}:
+        if UNKNOWN not in imitated or not imitated.keys() <= {*self.considered, UNKNOWN}:
             return least
         return min(least, max((1 + imitated[UNKNOWN]) / 2, THRESHOLDS.least_share_told))
 

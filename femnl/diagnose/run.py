@@ -92,7 +92,9 @@ def _diagnosed(
                 break
             noise = seen
         notes = (*tree.attrs.get("repairs", ()), *_notes(found, pool))
-        concluded = conclude(str(path), digest, found, notes, run)
+        usable = found[0].result.model.base_model.usable_effects(pool)
+        names = frozenset(effect.name for effect in usable)
+        concluded = conclude(str(path), digest, found, notes, run, names)
         factor = 1.0
         if concluded.rule in NOISE_IS_LARGER:
             factor = next(c.factor for c in found if c.names == concluded.causes)

@@ -211,9 +211,14 @@ NOISE_IS_LARGER = frozenset(
 """Rules by which what the chosen set leaves is noise, larger than stated."""
 
 
-def judge(found: list[Candidate], run: Run = in_turn) -> Judgement:
-    """Return the verdict of the first rule that applies; the first candidate is the base model."""
-    weighed = Weighed(found, run)
+def judge(
+    found: list[Candidate], run: Run = in_turn, considered: frozenset[str] = frozenset()
+) -> Judgement:
+    """Return the verdict of the first rule that applies; the first candidate is the base model.
+
+    considered: names of the effects that were.
+    """
+    weighed = Weighed(found, run, considered)
     for rule in RULES:
         judgement = rule(weighed)
         if judgement is not None:

@@ -26,11 +26,12 @@ from femnl.diagnose.worker_pool import Run, in_turn
 class Weighed:
     """Fitted candidates, the base model first, with what the rules ask of them.
 
-    run: does what does not wait for each other.
+    run: does what does not wait for each other. considered: names of the effects that were.
     """
 
     found: list[Candidate]
     run: Run = in_turn
+    considered: frozenset[str] = frozenset()
 
     @property
     def base(self) -> Candidate:
@@ -40,7 +41,7 @@ class Weighed:
     @cached_property
     def graded(self) -> Graded:
         """The same candidates where any equation may be inexact."""
-        return Graded(self.found, self.run)
+        return Graded(self.found, self.run, self.considered)
 
     @cached_property
     def prior_share(self) -> dict[Names, float]:

@@ -219,23 +219,37 @@ class OfPlaces(Level):
         ({"trace": {UNKNOWN: 0.2}}, 0.78),
         ({"trace": {"parabola": 0.9}}, 0.99),
         ({"trace": {"lacking": 0.6, UNKNOWN: 0.2}}, 0.99),
-        # Where what it imitates was tried, too, data tell the two apart
+        # Where what it imitates was considered, data tell the two apart
         ({"trace": {"parabola": 0.9, UNKNOWN: 0.2}}, 0.78),
     ],
 )
-def test_a_cause_may_leave_more_where_it_imitates_nothing_that_was_not_tried(
+def test_a_cause_may_leave_more_where_it_imitates_none_that_was_not_considered(
     imitates: dict[str, dict[str, float]], least: float
 ) -> None:
     noise = np.random.default_rng(20261128).standard_normal(N)
     model = OfPlaces(STRONG * PLACE + noise, BLOCKS, 1e4)
     line = replace(cause("line", 1, 0.01), imitates=imitates)
-    parabola = replace(cause("parabola", 2, 0.01), imitates=imitates)
-    sets = ((), (line,), (parabola,), (line, parabola))
-    found = [candidate(model, *effects) for effects in sets]
-    graded = Weighed(found).graded
+    both = (line, replace(cause("parabola", 2, 0.01), imitates=imitates))
+    found = [candidate(model, *effects) for effects in ((), (line,), both)]
+    graded = Weighed(found, considered=frozenset({"line", "parabola"})).graded
     assert graded.least_share(found[1]) == pytest.approx(least)
     # Two causes imitate a third in the right ratio, whatever each does alone
-    assert graded.least_share(found[3]) == 0.99
+    assert graded.least_share(found[2]) == 0.99
+
+
+@pytest.mark.parametrize("considered", [(), ("parabola",)])
+def test_a_cause_beside_something_unknown_is_named_where_nothing_else_may_be_it(
+    considered: tuple[str, ...],
+) -> None:
+    rng = np.random.default_rng(20261129)
+    lump = np.exp(-0.5 * ((PLACE - 0.3) / 0.2) ** 2)
+    data = STRONG * (PLACE + 0.3 * lump) + rng.standard_normal(N)
+    waves = {f"wave {k}": np.cos(k * np.pi * (PLACE + 1) / 2) for k in range(1, 8)}
+    model = OfPlaces(data, BLOCKS, 1e4, waves)
+    imitated = {"trace": {"parabola": 0.9, UNKNOWN: 0.2}}
+    line = replace(cause("line", 1, 0.01), imitates=imitated)
+    judged = judge([candidate(model), candidate(model, line)], considered=frozenset(considered))
+    assert judged.verdict == ("explained in part" if considered else "unexplained")
 
 
 @pytest.mark.parametrize(
