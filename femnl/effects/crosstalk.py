@@ -29,7 +29,11 @@ EFFECT = Effect(
     accuracy=0.1,
     accuracy_reason="a path of the same gain over the span of the sweeps; standing waves in cables "
     "whose ends reflect a quarter and two fifths of the voltage vary it by 0.1",
-    imitates={"map": {UNKNOWN: 0.98}, "trace": {UNKNOWN: 0.01}},
+    imitates={
+        "map": {UNKNOWN: 0.98},
+        "response": {"fano_background": 0.8, "group_delay": 0.66, UNKNOWN: 0.31},
+        "trace": {UNKNOWN: 0.01},
+    },
     equation="V → V + C V_drive",
     parameters=(
         ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),

@@ -32,6 +32,7 @@ EFFECT = Effect(
     accuracy_reason="a sharp limit; amplifiers bend before they clip",
     imitates={
         "map": {"one_sided_saturation": 0.85, UNKNOWN: 0.01},
+        "response": {"one_sided_saturation": 0.92, UNKNOWN: 0.05},
         "trace": {"one_sided_saturation": 0.73, UNKNOWN: 0.8},
     },
     equation="|v − V₀| ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Oscillator
 
 
@@ -15,6 +15,7 @@ EFFECT = Effect(
     name="drive_compression",
     accuracy=0.2,
     accuracy_reason="a piezo saturates or grows by laws of its own",
+    imitates={"response": {"nonlinear_damping": 0.79, UNKNOWN: 0.02}},
     equation="F → V/(1 + κV²)",
     parameters=(
         ParameterSpec(

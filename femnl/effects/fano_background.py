@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Signal
 
 _REASON = (
@@ -23,6 +23,7 @@ EFFECT = Effect(
     name="fano_background",
     accuracy=0.05,
     accuracy_reason="one resonance behind the mode; further ones are no constant",
+    imitates={"response": {"crosstalk": 1.0, "group_delay": 0.69, UNKNOWN: 0.49}},
     equation="V → V + C (w_p/2)/(f_p − f + iw_p/2) V_drive",
     parameters=(
         ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),

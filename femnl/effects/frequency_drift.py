@@ -38,7 +38,7 @@ EFFECT = Effect(
     name="frequency_drift",
     accuracy=0.1,
     accuracy_reason="linear in time; drifts relax and wander",
-    imitates={"series": {UNKNOWN: 0.01}},
+    imitates={"response": {UNKNOWN: 0.14}, "series": {UNKNOWN: 0.01}},
     equation="f → f (1 + r (t − t₀)), t₀ the first acquisition; in sweeps, t of each point",
     parameters=(
         ParameterSpec(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Signal
 
 
@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="group_delay",
     accuracy=0.01,
     accuracy_reason="a delay that is the same over the span",
+    imitates={"response": {UNKNOWN: 0.25}},
     equation="V → V e^{−2πi(f − f₀)τ}",
     parameters=(
         ParameterSpec(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Oscillator
 
 
@@ -27,6 +27,15 @@ EFFECT = Effect(
     name="internal_resonance",
     accuracy=0.05,
     accuracy_reason="one partner, of which the first order in the detuning is kept",
+    imitates={
+        "response": {
+            "nonlinear_damping": 0.98,
+            "drive_compression": 0.89,
+            "one_sided_saturation": 0.83,
+            "detector_saturation": 0.52,
+            UNKNOWN: 0.26,
+        }
+    },
     equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)} / (f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; "
     "w that of the second mode over p",
     parameters=(

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Acquisition
 
 
@@ -15,6 +15,7 @@ EFFECT = Effect(
     name="lock_in_filter",
     accuracy=0.03,
     accuracy_reason="equal poles, and a settled reading before each point",
+    imitates={"response": {UNKNOWN: 0.01}},
     equation="τ ẏ_j = y_{j−1} − y_j, j = 1 … n, y_0 = V, in the order of acquisition; kept = "
     "e^{−u} Σ_{j<n} u^j/j!, u = T/τ, T the time from one point to the next",
     parameters=(

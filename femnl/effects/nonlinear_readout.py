@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import j1
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Signal
 
 
@@ -23,6 +23,9 @@ EFFECT = Effect(
     name="nonlinear_readout",
     accuracy=0.03,
     accuracy_reason="a sinusoidal fringe at its steepest point",
+    imitates={
+        "response": {"one_sided_saturation": 0.97, "detector_saturation": 0.76, UNKNOWN: 0.05}
+    },
     equation="V → V 2J₁(z)/z, z² = s (4π ξ(x_p) A/λ)² at each place x_p; ξ = 1 where x, y are not "
     "recorded",
     parameters=(

@@ -20,7 +20,15 @@ EFFECT = Effect(
     name="quintic_stiffness",
     accuracy=0.05,
     accuracy_reason="the next order, u⁷",
-    imitates={"record": {UNKNOWN: 0.01}},
+    imitates={
+        "record": {UNKNOWN: 0.01},
+        "response": {
+            "quadratic_stiffness": 0.96,
+            "internal_resonance": 0.94,
+            "drive_compression": 0.53,
+            UNKNOWN: 0.11,
+        },
+    },
     equation="ω₀² (u + αu³) → ω₀² (u + αu³ + α₅u⁵)",
     parameters=(
         ParameterSpec(

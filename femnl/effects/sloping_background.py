@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Signal
 
 _REASON = (
@@ -24,6 +24,9 @@ EFFECT = Effect(
     name="sloping_background",
     accuracy=0.05,
     accuracy_reason="first order in f − f₀",
+    imitates={
+        "response": {"crosstalk": 1.0, "fano_background": 0.97, "group_delay": 0.69, UNKNOWN: 0.41}
+    },
     equation="V → V + (C₀ + C₁(f − f₀)) V_drive",
     parameters=(
         ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Acquisition
 
 
@@ -15,6 +15,7 @@ EFFECT = Effect(
     name="unsettled_mode",
     accuracy=0.05,
     accuracy_reason="points at even times",
+    imitates={"response": {UNKNOWN: 0.01}},
     equation="2 dA/dt = −(γ + 2iδ)A + F at each drive frequency for a time T; kept = e^{−γT/2}, "
     "γ = 2πw",
     parameters=(
