@@ -29,6 +29,7 @@ slow: $(READY)  ## the slow studies
 blind: $(READY)  ## hide causes in hundreds of files and count what the diagnosis names (hours; goes on where it stopped)
 	$(BIN)/python -m tests.blind.study build/blind
 	$(BIN)/python -m tests.blind.realistic build/realistic
+	$(BIN)/python -m tests.blind.imitations build/imitations
 	$(BIN)/python -m tests.blind.chips build/chips --seed 6
 	$(BIN)/python -m tests.blind.odd_devices build/odd_devices --seed 7
 	$(BIN)/python -m tests.blind.boards validation/blind.json weak=build/blind \

@@ -85,14 +85,19 @@ def _extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]])
     ]
 
 
-def extended_from_afar(result: FitResult, effect: Effect) -> FitResult | None:
-    """Fit with one more effect from base parameters far from the solution without it.
+def seekable_elsewhere(result: FitResult, library: list[Effect]) -> list[Effect]:
+    """Return the effects that `extended_elsewhere` fits: those that rays are enough to seek.
 
-    The result is None where the model knows none, and for an effect of many parameters, which rays
-    are too few to seek.
+    There are none where tangents do not mislead, or where the model knows no place far away.
     """
-    if _continuous(effect) > FEW_PARAMETERS:
-        return None
+    base, _ = result.model.split(result.vector)
+    if not tangents_mislead(result) or not result.model.base_model.far_from(base):
+        return []
+    return [e for e in library if e.has_strength and _continuous(e) <= FEW_PARAMETERS]
+
+
+def extended_elsewhere(result: FitResult, effect: Effect) -> FitResult:
+    """Fit with one more effect from base parameters far from the solution without it."""
     part = in_part(result)
     base, earlier = part.model.split(part.vector)
     model = ExtendedModel(part.model.base_model, (*part.model.effects, effect))
@@ -102,7 +107,7 @@ def extended_from_afar(result: FitResult, effect: Effect) -> FitResult | None:
         starts += [
             model.pack(far.base, [*earlier, far.values]) for far in scan(there, effect)[:REFINED]
         ]
-    return best_in_all(_finished(model, starts, part, FAR), result) if starts else None
+    return best_in_all(_finished(model, starts, part, FAR), result)
 
 
 def _no_worse(

@@ -18,12 +18,12 @@ from femnl.diagnose.criticism import criticise, glance
 from femnl.diagnose.extending import partners, to_extend
 from femnl.diagnose.multistart import (
     extended,
-    extended_from_afar,
+    extended_elsewhere,
     replaced,
+    seekable_elsewhere,
     sought_again,
     sought_beyond,
 )
-from femnl.diagnose.score_tests import tangents_mislead
 from femnl.diagnose.search_rules import (
     falls_short,
     leaves_other_noise,
@@ -178,11 +178,10 @@ def _sought_anew(
     few = len(ranked) if everywhere else THRESHOLDS.sought_again[size]
     jobs = _seeking(ranked[:few])
     base = found[0].result
-    if size == 0 and tangents_mislead(base):
+    if size == 0:
         jobs += [
-            job("trying from afar", names_of(base, e), base, partial(extended_from_afar, base, e))
-            for e in library
-            if e.has_strength
+            job("trying elsewhere", names_of(base, e), base, partial(extended_elsewhere, base, e))
+            for e in seekable_elsewhere(base, library)
         ]
     return run(jobs)
 

@@ -2,8 +2,7 @@
 
 Files have one cause, by either law, or something that no library has. Each is fitted with every
 cause of the library alone. FOLDER/results.jsonl has a line for each file as it is done: what is
-done is not done again. At the end the largest parts are printed, by kind of measurement, as the
-files of effects state them.
+done is not done again. At the end what `Effect.imitates` states is printed, to more digits.
 """
 
 import argparse
@@ -15,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from femnl.core.effect import UNKNOWN
 from femnl.diagnose.criticism import criticise
 from femnl.diagnose.multistart import extended, replaced
 from femnl.diagnose.posing import Posing
@@ -30,10 +30,12 @@ from tests.blind.realistic.regimes import ALONE
 SEED = 20611125
 ROUNDS = 4
 """Of files with a cause, which has its first and its second law in turn."""
-UNKNOWN = 5
+ALONE_EACH = 5
 """Files of each kind and round with something that no library has."""
 LEAST = 1000.0
 """Excess of χ² from which on parts of it are counted: less may be noise."""
+MUCH = 0.5
+"""Part of another cause from which on it is told."""
 LAWS = ("exact", "inexact")
 
 
@@ -45,7 +47,7 @@ def draws(seed: int, rounds: int, kinds: tuple[str, ...]) -> Iterator[Draw]:
             if draw.causes:
                 yield draw
         for kind in kinds:
-            for n in range(UNKNOWN):
+            for n in range(ALONE_EACH):
                 number = zlib.crc32(f"{seed} {k} {kind} {n}".encode())
                 films = GEOMETRIES[kind]
                 yield Draw(kind, (), ALONE.name, films[number % len(films)], number)
@@ -68,19 +70,20 @@ def taken(path: Path) -> tuple[str, dict[str, float]]:
     return model.kind, {name: (first.chi2 - one.chi2) / excess for name, one in fits.items()}
 
 
-def largest(rows: Iterable[dict[str, Any]]) -> dict[str, dict[str, tuple[float, str]]]:
-    """Return by cause and kind the largest part that it takes up of another, and of which.
+def largest(rows: Iterable[dict[str, Any]]) -> dict[str, dict[str, dict[str, float]]]:
+    """Return by cause, kind and hidden cause the largest part that the first takes up of the last.
+
+    What is hidden is `UNKNOWN` where no cause is.
 
     Args: rows: `kind`, `causes` that are hidden, and `taken` of each file.
     """
-    found: dict[str, dict[str, tuple[float, str]]] = {}
+    found: dict[str, dict[str, dict[str, float]]] = {}
     for row in rows:
+        (hidden,) = row["causes"] or (UNKNOWN,)
         for name, part in row["taken"].items():
-            if name in row["causes"]:
-                continue
-            by_kind = found.setdefault(name, {})
-            hidden = "+".join(row["causes"]) or "unknown"
-            by_kind[row["kind"]] = max(by_kind.get(row["kind"], (0.0, "")), (part, hidden))
+            if name != hidden:
+                parts = found.setdefault(name, {}).setdefault(row["kind"], {})
+                parts[hidden] = max(part, parts.get(hidden, 0.0))
     return found
 
 
@@ -109,8 +112,10 @@ def main() -> None:
         with results.open("a", encoding="utf-8") as file:
             file.write(json.dumps(rows[-1]) + "\n")
     for name, by_kind in sorted(largest(rows).items()):
-        told = ", ".join(f"{kind} {p:.3f} ({of})" for kind, (p, of) in sorted(by_kind.items()))
-        sys.stdout.write(f"{name}: {told}\n")
+        for kind, parts in by_kind.items():
+            much = {of: p for of, p in parts.items() if p > MUCH or of == UNKNOWN}
+            told = ", ".join(f"{part:.3f} of {of}" for of, part in much.items())
+            sys.stdout.write(f"{name}: {kind}: {told or 'little'}\n")
 
 
 if __name__ == "__main__":
