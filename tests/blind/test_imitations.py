@@ -41,7 +41,9 @@ def test_what_is_alone_has_the_size_that_was_drawn() -> None:
     assert not film.hidden
     assert film.options.unknown > 30
     _, off = residual(film.bench, film.base, {}, (), steps=0)
-    assert np.linalg.norm(off(film.flat)) == pytest.approx(film.options.unknown, rel=1e-6)
+    assert np.linalg.norm(off(np.asarray(film.flat))) == pytest.approx(
+        film.options.unknown, rel=1e-6
+    )
 
 
 def test_effects_state_causes_and_kinds_that_there_are() -> None:
