@@ -152,7 +152,7 @@ def test_a_tolerance_that_rounding_forbids_says_how_far_it_came() -> None:
         ConvergenceError,
         match=r"relative error of \d\.\de-11 \(mode \d+\), which degree 6 .* no longer",
     ):
-        solve_modes_to(outline("square"), 2e-11, 20, cache=False)
+        solve_modes_to(outline("circle"), 2e-11, 20, cache=False)
 
 
 def test_a_tolerance_that_needs_more_memory_than_there_is_says_how_far_it_came(
