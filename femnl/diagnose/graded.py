@@ -77,7 +77,7 @@ class Graded:
         imitated = effects[0].imitates.get(self.base.result.model.base_model.kind, {})
         if UNKNOWN not in imitated or not imitated.keys() <= {*self.considered, UNKNOWN}:
             return least
-        return min(least, max((1 + imitated[UNKNOWN]) / 2, THRESHOLDS.least_share_told))
+        return min(least, max((1 + imitated[UNKNOWN]) / 2, THRESHOLDS.least_share_of_unlike))
 
     def _least_share_of_kind(self, candidate: Candidate) -> float:
         """Return the same whatever each cause imitates.

@@ -161,11 +161,11 @@ class Thresholds:
         "significant remainder",
         _REALISTIC,
     )
-    least_share_told: float = _threshold(
+    least_share_of_unlike: float = _threshold(
         0.78,
-        "the least of these parts that is asked of a single cause of which it is known how much of "
-        "others it takes up in their place: beside something unknown of half its size, a cause "
-        "takes up 0.8: docs/adr/0047-shares-by-what-a-cause-imitates.md",
+        "the least part that is asked of a single cause that imitates none which was not "
+        "considered: beside something unknown of half its size, a cause takes up 0.8: "
+        "docs/adr/0047-shares-by-what-a-cause-imitates.md",
         _REALISTIC,
     )
     needless_odds: float = _threshold(
