@@ -180,6 +180,23 @@ def test_slow_deep_beats_belong_to_what_is_compared_beyond_their_first_minimum()
     assert after[seen.decay][-1] > 8 / RATE
 
 
+@pytest.mark.parametrize(("size", "periods"), [(0.1, 2.2), (0.1, 2.8), (0.05, 2.2)])
+def test_beats_with_a_leak_begin_at_the_switch_off_and_end_in_a_floor(
+    size: float, periods: float
+) -> None:
+    """Beats with a leak that the mode falls to after few of their periods."""
+    time, _, begin = record(1, length=18.0)
+    after = time[begin:] - time[begin]
+    equal = 2 * np.log(1 / size) / RATE
+    leak = size * np.exp(2j * np.pi * periods * after / equal + 1j)
+    _, power, _ = record(1, np.exp(-RATE * after / 2) + leak, length=18.0)
+    seen = window(power_record(measurement.decay(time, power)))
+    first, last = np.flatnonzero(seen.decay)[[0, -1]]
+    assert begin < first < begin + 10
+    assert time[last] - time[begin] > 0.6 * equal
+    assert np.count_nonzero(seen.floor) > 48
+
+
 def test_interruptions_are_listed_and_no_residual() -> None:
     time, power, begin = record(8)
     power[begin + 60 : begin + 72] -= 25

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ AHEAD = (0.0, 1 / 40, 1 / 20)
 """Parts of a record whose tops are taken for the power; 0 takes it as it is."""
 LONGER = 1.5
 """Times that a decay must be longer where beats count as scatter."""
+SAME = 0.8
+"""Part of two decays, of all points of either, from which on they are one."""
 SHALLOW = (0.5, 2.5)
 """rms [dB] and periods of beats that hide a decay."""
 FLATTER = 0.35
@@ -184,25 +186,48 @@ def beating(record: PowerRecord, straight: Segmentation) -> Segmentation | None:
     """Return the segmentation of a record whose decay beats, None where it does not.
 
     A coarse resolution takes beats for scatter about one line, and their tops tell the decay where
-    they are deep. That the scatter is beats, one period tells, which makes up most of it.
+    they are deep. That the scatter is beats, one period tells, which makes up most of it. Beats
+    that one resolution shows may have a floor at another.
     """
     known = _duration(straight, straight.decay)
-    best = None
+    tried = []
+    proven = []
     for part, resolution in product(AHEAD, COARSE):
         ahead = max(int(part * len(record.time)), 1)
         found = find_decay(record.time, record.power, resolution, ahead)
-        if found is None:
+        if found is None or _holds_drive(found, straight):
             continue
+        tried.append(found)
         longer = _duration(found, found.decay) >= LONGER * known
         # Beats go on where a leak of the drive takes over, and no piece of them is a floor
         ends = bool(found.floor) and not straight.floor
         inside = logical(found, found.decay, len(record.time))
         least = SHALLOW if longer and not part else DEEP
         if (longer or ends) and beats(record.time[inside], record.power[inside], *least):
-            best = best or found
-            if found.floor:
-                return found
-    return best
+            proven.append(found)
+    if not proven:
+        return None
+    alike = [found for found in tried if _same(found, proven[0])]
+    return next((found for found in [*alike, *proven] if found.floor), proven[0])
+
+
+def _holds_drive(coarse: Segmentation, fine: Segmentation) -> bool:
+    """Whether a decay that a coarse resolution finds holds a plateau that ends by a jump."""
+    begin = coarse.pieces[coarse.decay[0]].first
+    before = fine.pieces[: fine.decay[0] + 1]
+    return any(
+        piece.first >= begin
+        and max(abs(piece.fall), piece.spread) < THRESHOLDS.wobble
+        and not _meet(piece, after, -1)
+        for piece, after in pairwise(before)
+    )
+
+
+def _same(one: Segmentation, other: Segmentation) -> bool:
+    """Whether two decays have most of their points in common."""
+    count = max(found.pieces[-1].stop for found in (one, other))
+    first, second = (logical(found, found.decay, count) for found in (one, other))
+    return bool(np.count_nonzero(first & second) > SAME * np.count_nonzero(first | second))
 
 
 def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:
