@@ -17,14 +17,18 @@ HEXAGON = "hexagon-278um"
 PERFORATED = "perforated"
 HIDDEN = [
     pytest.param(Case("electrode", ("layer_thickness",), 2, DRUM), marks=pytest.mark.slow),
-    Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)),
+    pytest.param(
+        Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)), marks=pytest.mark.slow
+    ),
     pytest.param(
         Case("spectrum", ("frequency_drift",), 5, SQUARE, (10.0, 60.0)), marks=pytest.mark.slow
     ),
     pytest.param(
         Case("spectrum", ("shear_stress",), 2, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow
     ),
-    Case("spectrum", ("bending_stiffness",), 4, SQUARE, (20.0, 60.0)),
+    pytest.param(
+        Case("spectrum", ("bending_stiffness",), 4, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow
+    ),
     # At δ = ℓ the strength of the effect grows without moving the edge: a fit that begins below
     # gets caught there.
     Case("spectrum", ("compliant_clamp",), 3885969729),
