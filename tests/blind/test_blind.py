@@ -56,7 +56,9 @@ HIDDEN = [
     ),
     Case("decay", ("beating_pair",), 1, SQUARE, (20.0, 60.0)),
     Case("decay", ("energy_exchange",), 1, SQUARE, (20.0, 60.0)),
-    Case("decay", ("frequency_drift",), 1, SQUARE, (20.0, 60.0)),
+    pytest.param(
+        Case("decay", ("frequency_drift",), 1, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow
+    ),
     Case("series", ("gas_damping",), 2),
     Case("series", ("thermal_stress",), 2),
     Case("series", ("gas_damping", "thermal_stress"), 2),
@@ -64,7 +66,7 @@ HIDDEN = [
     Case("series", ("electrostatic_softening",), 1),
     Case("series", ("optical_spring",), 2),
     pytest.param(Case("spectrum", ("gas_loading",), 4, "rectangle"), marks=pytest.mark.slow),
-    Case("spectrum", ("gas_damping",), 1),
+    pytest.param(Case("spectrum", ("gas_damping",), 1), marks=pytest.mark.slow),
     pytest.param(Case("spectrum", ("clamp_loss",), 2, "rectangle"), marks=pytest.mark.slow),
     pytest.param(Case("spectrum", ("frame_mode",), 4, "rectangle"), marks=pytest.mark.slow),
     # Alone, the particle is found in another place than beside the other cause.
@@ -107,7 +109,8 @@ LACKING = [
 @pytest.mark.parametrize(
     ("kind", "geometry"),
     [
-        *((k, SQUARE) for k in ("response", "map", "series", "decay")),
+        *((k, SQUARE) for k in ("map", "series", "decay")),
+        pytest.param("response", SQUARE, marks=pytest.mark.slow),
         pytest.param("spectrum", SQUARE, marks=pytest.mark.slow),
         pytest.param("map", PERFORATED, marks=pytest.mark.slow),
     ],

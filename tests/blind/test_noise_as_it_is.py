@@ -125,7 +125,10 @@ def test_a_glitch_larger_than_every_signal_does_not_hide_a_detector_that_clips(
 @pytest.mark.parametrize(
     "draw",
     [
-        Draw("decay", ("frequency_drift",), "lacking", "square-270um", 2818080428),
+        pytest.param(
+            Draw("decay", ("frequency_drift",), "lacking", "square-270um", 2818080428),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             Draw("trace", ("trigger_jitter",), "lacking", "square-270um", 3760091054),
             marks=pytest.mark.slow,
@@ -158,6 +161,7 @@ def test_what_takes_up_most_of_a_cause_of_sweeps_that_the_library_lacks_is_not_n
     assert (found.verdict, found.causes) == ("unexplained", ())
 
 
+@pytest.mark.slow
 def test_one_of_two_sets_that_take_up_nearly_all_is_told_with_the_other(tmp_path: Path) -> None:
     draw = Draw("spectrum", ("aspect_ratio",), "inexact", "square-270um", 171351765)
     make(draw, tmp_path / "file.nc")

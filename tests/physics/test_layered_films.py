@@ -115,7 +115,7 @@ def test_a_film_that_layers_cover_evenly_is_the_one_of_one_material() -> None:
     [
         pytest.param(0.0, marks=pytest.mark.slow),
         pytest.param(0.6, marks=pytest.mark.slow),
-        1.0,
+        pytest.param(1.0, marks=pytest.mark.slow),
         1.5,
         pytest.param(3.0, marks=pytest.mark.slow),
     ],
@@ -256,7 +256,8 @@ def test_rigid_motions_and_areas_are_integrals_over_film_and_electrode() -> None
     assert known.area == pytest.approx(copies * area, rel=1e-9)
 
 
-@pytest.mark.parametrize("gap", [pytest.param(np.inf, marks=pytest.mark.slow), 1e-6])
+@pytest.mark.slow
+@pytest.mark.parametrize("gap", [np.inf, 1e-6])
 def test_gas_moves_with_the_film_however_much_metal_lies_on_it(gap: float) -> None:
     """Metal as heavy as nothing leaves the gas of the bare film; its area is that of the modes."""
     bare = SimulatedFilm(replace(electrode(), layers=()), 12)
@@ -283,6 +284,7 @@ def diagnosed(frequency: Array, folder: Path) -> Diagnosis:
     return diagnose(path, geometry=SHIPPED)
 
 
+@pytest.mark.slow
 def test_a_metallised_drum_without_a_cause_is_adequate_and_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

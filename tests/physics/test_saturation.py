@@ -35,6 +35,7 @@ def test_rails_on_one_or_both_sides_are_told_apart_where_much_is_clipped(
     assert found.parameters[name]["clipped"].value == pytest.approx(1 - whole / largest, abs=0.01)
 
 
+@pytest.mark.slow
 def test_rails_on_one_or_both_sides_are_both_listed_where_little_is_clipped(
     tmp_path: Path,
 ) -> None:

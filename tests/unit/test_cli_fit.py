@@ -83,6 +83,7 @@ def test_an_overview_gives_a_labelled_spectrum_that_the_film_is_fitted_to(
     assert "s-wide-spectrum-spectrum-film.png" in written("o")
 
 
+@pytest.mark.slow
 def test_an_overview_of_modes_without_names_is_fitted_and_diagnosed(
     fit: Callable[..., dict[str, Any]],
 ) -> None:

@@ -47,6 +47,7 @@ def bending_square(thickness: float) -> float:
     return thickness**2 * film.young / (12 * (1 - film.poisson**2) * film.stress)
 
 
+@pytest.mark.slow
 def test_a_film_a_fifth_thinner_is_within_what_is_known_of_films(tmp_path: Path) -> None:
     found = measured(tmp_path, *thinner(150e-9))
     assert found.verdict == "adequate"

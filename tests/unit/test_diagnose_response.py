@@ -206,6 +206,7 @@ def test_a_leak_of_thirty_times_the_resonance_does_not_hide_the_mode(tmp_path: P
     assert abs(told.value - frequency) < 4 * told.sd < 0.2
 
 
+@pytest.mark.slow
 def test_a_leak_that_distorts_the_fit_of_the_resonance_is_within_its_bound(tmp_path: Path) -> None:
     """The mode fitted without the leak is 3.5 times too low, 16 times too broad."""
     truth = make_realistic(

@@ -74,6 +74,7 @@ def test_the_p_value_of_noise_is_uniform_however_many_looks_are_taken() -> None:
     assert kstest(p, "uniform").pvalue > 0.01
 
 
+@pytest.mark.slow
 def test_the_p_value_of_noise_is_uniform_where_equal_frequencies_have_no_names() -> None:
     rng = np.random.default_rng(12)
     film = SimulatedFilm(load("square-270um"), 14)

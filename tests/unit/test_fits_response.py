@@ -114,6 +114,7 @@ def test_alpha_in_metres_is_the_same_by_force_and_by_responsivity() -> None:
     )
 
 
+@pytest.mark.slow
 def test_phase_modulo_pi_survives_a_readout_that_turns_the_sign() -> None:
     data = simulate(distort=True)
     fit = fit_response(data, "phase-mod-pi")

@@ -53,14 +53,14 @@ CASES = {
 }
 
 
-BOTH = "square with labels and losses"
+COVERED = ("square with labels and losses", "hexagon by rank")
 """What the other cases have one of each."""
 
 
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(case, id=name, marks=[pytest.mark.slow] if name == BOTH else [])
+        pytest.param(case, id=name, marks=[pytest.mark.slow] if name in COVERED else [])
         for name, case in CASES.items()
     ],
 )
