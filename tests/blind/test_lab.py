@@ -33,6 +33,7 @@ from tests.blind.lab.record import COUNT, RATE, SUBSTEPS, RecordBench
 from tests.blind.lab.response import ResponseBench
 from tests.blind.lab.spectrum import SpectrumBench
 from tests.blind.lab.trace import TraceBench
+from tests.blind.realistic.files import Draw, prepared
 
 HEXAGON = np.array(
     [
@@ -360,3 +361,12 @@ def test_a_cause_that_the_place_of_another_can_take_up_does_not_stand_out() -> N
     found = sizes(Spot(), {"b": 1.0}, {"more": more, "spot": spot}, FOLLOWED)
     assert found["more"] < 1e-6
     assert found["spot"] == pytest.approx(100 * np.cos(0.1), rel=1e-6)
+
+
+def test_what_the_corner_of_a_drive_hides_does_not_count() -> None:
+    """Ten times the loss down to e^-1.9 of the energy is over within six points."""
+    film = prepared(
+        Draw("decay", ("energy_exchange",), "correlated noise", "square-270um", 1818269220)
+    )
+    assert film.hidden["energy_exchange"]["excess"] == pytest.approx(9.0)
+    assert film.sigma["energy_exchange"] < 3
