@@ -67,10 +67,8 @@ def solve_nonlinearity(
         f"couplings of {n} modes",
         "ask for fewer modes",
     )
-    # Another way to the energies may mesh, and gmsh crashes in several threads
-    threads = 1 if energies else threads_for(modes.domain.mesh.nelements * modes.degree**2)
     solve = energies or partial(strain_energies, edge=edge)
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(threads_for(modes.domain.mesh.nelements * modes.degree**2)) as pool:
         grades = list(pool.map(lambda m: _coefficients(m, pairs, tensor, solve), modes.grades))
     k3, full = grades[0]
     # Of mass-normalised shapes
