@@ -9,10 +9,11 @@ from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.modes import Modes
 from femnl.device.geometry import parse
 from femnl.device.mesh import mesh
-from femnl.mechanics.fem.solvers import FACTOR_BYTES, side_by_side
+from femnl.mechanics.fem.solvers import FACTOR_BYTES
 from femnl.mechanics.modes import solve_modes as solve_on_mesh
 from femnl.mechanics.modes import with_counterparts
 from femnl.mechanics.modes.dilution import bending_share
+from femnl.mechanics.modes.near import side_by_side
 from femnl.mechanics.prestress import solve_prestress
 from femnl.pipeline import solve_modes, solve_modes_near
 

@@ -1,7 +1,6 @@
 """The one place that picks the sparse direct solver and the eigenvalue solver."""
 
 import logging
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -14,7 +13,6 @@ from scipy.sparse import csc_matrix, tril
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
 
 from femnl.core.errors import ConvergenceError
-from femnl.core.memory import SYSTEM, allowed_memory
 
 HAS_CHOLMOD = find_spec("cvxopt") is not None  # the optional extra `fast`
 
@@ -249,17 +247,3 @@ ON_A_MODE = (
     "the target lies on the frequency of a mode, too close to tell which modes are below it; move "
     "the target by 1e-6 of itself"
 )
-
-
-def side_by_side(unknowns: int, memory: float, cores: int) -> int:
-    """Return how many systems are solved at once: their factors take half of the memory at most.
-
-    memory: that the process may take [bytes].
-    """
-    room = memory / 2 / (FACTOR_BYTES * unknowns)
-    return int(np.clip(room, 1, cores))
-
-
-def threads_for(unknowns: int) -> int:
-    """Return how many systems of so many unknowns are solved at once on this machine."""
-    return side_by_side(unknowns, allowed_memory(SYSTEM), len(os.sched_getaffinity(0)))

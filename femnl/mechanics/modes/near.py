@@ -1,5 +1,6 @@
 """Prestressed modes near a frequency, without those below them."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
@@ -10,9 +11,9 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.domain import Domain, Prestress
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.core.memory import need_memory
+from femnl.core.memory import SYSTEM, allowed_memory, need_memory
 from femnl.core.modes import Modes
-from femnl.mechanics.fem.solvers import INDEFINITE, factorize, nearest_eigenpairs, threads_for
+from femnl.mechanics.fem.solvers import FACTOR_BYTES, INDEFINITE, factorize, nearest_eigenpairs
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.shapes import label_shapes
 from femnl.mechanics.modes.solve import (
@@ -94,7 +95,7 @@ class _Sectors:
         sought until none can hide one.
         """
         sectors = list(product((1, -1), repeat=min(self._domain.copies, 4) // 2))
-        threads = threads_for(self.operators.space.size)
+        threads = _threads(self.operators.space.size)
         ask = dict.fromkeys(sectors, min(count + 1, count // len(sectors) + 3))
         found: dict[Parity, tuple[Array, Array]] = {}
         below: dict[Parity, int] = {}
@@ -137,10 +138,23 @@ class _Sectors:
         return values, shapes, below
 
 
+def side_by_side(unknowns: int, memory: float, cores: int) -> int:
+    """Return how many sectors are solved at once: their factors take half of the memory at most.
+
+    memory: that the process may take [bytes].
+    """
+    room = memory / 2 / (FACTOR_BYTES * unknowns)
+    return int(np.clip(room, 1, cores))
+
+
 def degrees_at_once(domain: Domain, degree: int) -> int:
     """Return how many degrees up to a highest are solved at once: two, if two sectors of it are.
 
     One core would idle while the other assembles a degree. The factors of one degree less fit into
     the other half of the memory.
     """
-    return min(threads_for(domain.mesh.nelements * degree**2 // 2), 2)
+    return min(_threads(domain.mesh.nelements * degree**2 // 2), 2)
+
+
+def _threads(unknowns: int) -> int:
+    return side_by_side(unknowns, allowed_memory(SYSTEM), len(os.sched_getaffinity(0)))

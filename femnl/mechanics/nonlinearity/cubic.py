@@ -1,7 +1,6 @@
 """The cubic coefficients of the modes, in plane at rest."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import combinations_with_replacement
 
@@ -14,7 +13,7 @@ from femnl.core.discretisation_error import remainder
 from femnl.core.memory import need_memory
 from femnl.core.modes import Modes
 from femnl.core.nonlinearity import Nonlinearity
-from femnl.mechanics.fem.solvers import factorize, threads_for
+from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.nonlinearity.stretching import (
     Membrane,
     film_membrane,
@@ -68,8 +67,7 @@ def solve_nonlinearity(
         "ask for fewer modes",
     )
     solve = energies or partial(strain_energies, edge=edge)
-    with ThreadPoolExecutor(threads_for(modes.domain.mesh.nelements * modes.degree**2)) as pool:
-        grades = list(pool.map(lambda m: _coefficients(m, pairs, tensor, solve), modes.grades))
+    grades = [_coefficients(m, pairs, tensor, solve) for m in modes.grades]
     k3, full = grades[0]
     # Of mass-normalised shapes
     scale = np.abs([k for k, _ in grades]) / np.array([m.effective_mass for m in modes.grades]) ** 2
