@@ -1,9 +1,6 @@
 """Faulty measurement files: each is refused in one line with its remedy, or repaired and told."""
 
 import contextlib
-import os
-import resource
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +11,6 @@ import pytest
 
 from femnl.core.errors import MeasurementError
 from femnl.io import measurement
-from femnl.io.measurement.hdf5_safety import BLOCK, HEAP, collections
 
 Damage = Callable[[h5py.File], Any]
 
@@ -347,45 +343,3 @@ def test_flipped_bytes_give_a_line_or_data_but_never_another_failure(tmp_path: P
         path.write_bytes(broken.tobytes())
         with contextlib.suppress(MeasurementError):
             measurement.read(path)
-
-
-def test_a_heap_of_texts_in_which_hdf5_walks_in_circles_is_refused(tmp_path: Path) -> None:
-    """HDF5 2.0 never returns from free space of size 0."""
-    path = tmp_path / "file.nc"
-    _good(path)
-    whole = bytearray(path.read_bytes())
-    at = whole.index(b"GCOL\1\0\0\0") + 16
-    whole[at : at + 16] = bytes(16)
-    path.write_bytes(whole)
-    with pytest.raises(
-        MeasurementError,
-        match=rf"file\.nc: damaged \(a text at byte {at} has no size\); copy or export it again",
-    ):
-        measurement.read(path)
-
-
-@pytest.mark.parametrize("before", [BLOCK - len(HEAP), BLOCK - 3, BLOCK])
-def test_heaps_of_texts_are_found_across_what_is_read_at_a_time(
-    before: int, tmp_path: Path
-) -> None:
-    path = tmp_path / "file"
-    path.write_bytes(b"\1" * before + HEAP + b"\1" * 99)
-    with path.open("rb") as file:
-        assert list(collections(file.fileno())) == [before]
-
-
-def test_a_file_that_was_never_written_takes_neither_time_nor_memory(tmp_path: Path) -> None:
-    path = tmp_path / "file.nc"
-    with path.open("wb") as file:
-        file.write(b"\x89HDF\r\n\x1a\n")
-        file.truncate(2**32)
-    with path.open("rb") as file:
-        allocated = os.fstat(file.fileno()).st_blocks * 512
-    if allocated > 2**24:
-        pytest.skip("the disk keeps what was never written")
-    began = time.process_time()
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(MeasurementError, match="not a readable HDF5 file"):
-        measurement.read(path)
-    assert time.process_time() - began < 1
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**18  # KiB

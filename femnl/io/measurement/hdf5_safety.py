@@ -5,6 +5,7 @@ Opened only after a look that refuses what would leave the folder or fill the me
 
 import math
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from mmap import ACCESS_READ, mmap
@@ -22,7 +23,23 @@ RATIO = 100
 _DEPTH = 16
 MOST = 10_000
 """Groups and datasets of a file, and attributes of one of them."""
-HEAP = b"GCOL\x01\0\0\0"
+HEAP = re.compile(re.escape(b"GCOL\x01\0\0\0"))
+"""The head of a collection of texts."""
+TEXT = re.compile(
+    # Four bytes first, which are found fast, and a look back
+    rb"\x10\0\0\0(?<=[\x19\x29\x39\x49][\x01\x11\x21][\0\x01]\0\x10\0\0\0)"
+    rb"[\x10\x20\x30\x40][\0\x08]\0\0\x01\0{3}\0\0\x08\0(?:\0{4})?"
+    rb"(?:\x01\0[\0\x01]\0{5}|\x02\0[\0\x01]\0)"
+)
+"""What precedes the reference to the text of an attribute: a type, bytes of varying number, and no
+axes.
+
+Source: HDF5 File Format Specification 3.0, IV.A.2.b and d.
+"""
+LONGEST = 64
+"""Bytes that are more than a pattern matches or looks back at."""
+REFERENCE = 16
+"""Bytes that stand for a text: its length, the collection that holds it, its place there."""
 BLOCK = 2**24
 """Bytes that are read at a time."""
 
@@ -42,7 +59,7 @@ def open_hdf5(path: Path) -> h5py.File:
             f"{path}: {path.stat().st_size / 2**30:.0f} GiB, more than {LIMIT / 2**30:g}; split it"
         )
     if h5py.is_hdf5(path):
-        _walk_heaps(path)
+        _look_at_texts(path)
     try:
         file = h5py.File(path, "r")
     except OSError as error:
@@ -69,18 +86,16 @@ def open_hdf5(path: Path) -> h5py.File:
     return file
 
 
-def _walk_heaps(path: Path) -> None:
-    """Refuse a collection of texts in which HDF5 would walk in circles.
+def _look_at_texts(path: Path) -> None:
+    """Refuse texts over which HDF5 would walk in circles, or fill the memory.
 
-    Such a collection has objects that do not lead to its end.
+    A collection of them must have objects that lead to its end, and none is longer than the file.
 
     Source: HDF5 File Format Specification 3.0, III.E. Global Heap; free space is object 0, its size
     counting its head.
     """
-    if path.stat().st_size == 0:  # which cannot be mapped, and is refused as foreign
-        return
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-        for start in collections(file.fileno()):
+        for start, _ in places(file.fileno(), HEAP):
             at = start + 16
             end = start + int.from_bytes(data[start + 8 : start + 16], "little")
             while at + 16 <= min(end, len(data)):
@@ -92,10 +107,42 @@ def _walk_heaps(path: Path) -> None:
                         "it again"
                     )
                 at += step
+        for _, end in places(file.fileno(), TEXT):
+            _refuse_long(str(path), data[end : end + REFERENCE], len(data))
 
 
-def collections(descriptor: int) -> Iterator[int]:
-    """Yield where collections of texts begin in an open file.
+def _refuse_long(where: str, references: bytes, size: int) -> None:
+    """Refuse texts longer than their file of some size, by the references to them.
+
+    HDF5 makes room for such a text, and writes on that, before it finds that there is none: seconds
+    and gigabytes for a file of some kB.
+    """
+    for at in range(0, len(references), REFERENCE):
+        length = int.from_bytes(references[at : at + 4], "little")
+        if length > size:
+            raise MeasurementError(
+                f"{where}: damaged (a text of {length} bytes in a file of {size}); copy or export "
+                "it again"
+            )
+
+
+def _look_at_list(item: h5py.Dataset, path: Path, where: str) -> None:
+    """Refuse a list of texts that HDF5 would fill the memory over.
+
+    Its references stand side by side, unless it is written in chunks.
+    """
+    kind = h5py.check_string_dtype(item.dtype)
+    begin = item.id.get_offset()
+    if kind is None or kind.length is not None or begin is None:
+        return
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(begin)
+        _refuse_long(where, file.read(min(item.id.get_storage_size(), size)), size)
+
+
+def places(descriptor: int, pattern: re.Pattern[bytes]) -> Iterator[tuple[int, int]]:
+    """Yield where each match of a pattern in an open file begins and ends.
 
     Parts that were never written are passed over: a file may declare more of them than a disk
     holds. What is read is not mapped, as it would count as memory of the process.
@@ -108,10 +155,11 @@ def collections(descriptor: int) -> Iterator[int]:
             return
         end = os.lseek(descriptor, at, os.SEEK_HOLE)
         for begin in range(at, end, BLOCK):
-            block = os.pread(descriptor, BLOCK + len(HEAP) - 1, begin)
-            start = -1
-            while (start := block.find(HEAP, start + 1)) >= 0:
-                yield begin + start
+            first = max(begin - LONGEST, 0)
+            block = os.pread(descriptor, BLOCK + 2 * LONGEST, first)
+            for match in pattern.finditer(block):
+                if begin <= first + match.start() < begin + BLOCK:
+                    yield first + match.start(), first + match.end()
 
 
 def _short(error: Exception) -> str:
@@ -196,6 +244,7 @@ def _look(group: h5py.Group, path: Path, file: h5py.File, depth: int, found: _Fo
                 )
             if item.shape is None:
                 raise MeasurementError(f"{where}: is empty; store numbers in it, or leave it out")
+            _look_at_list(item, path, where)
             found.size += math.prod(item.shape) * item.dtype.itemsize
             if found.size > LIMIT:
                 raise MeasurementError(
