@@ -67,10 +67,9 @@ class Adequacy:
     def _least(self, factor: float) -> tuple[float, str]:
         """Return the smallest p-value of all tests, and the name of its test."""
         residuals = self.result.residuals[None] / factor
-        squares = self._squares(residuals)[0]
         of_tests = [
-            float(chi_square_tail(square, len(test.basis)))
-            for square, test in zip(squares, self.found, strict=True)
+            float(chi_square_tail(np.array(test.square / factor**2), test.degrees))
+            for test in self.found
         ]
         seen = [*of_tests, *_beside(residuals, self.result.degrees)[0]]
         k = int(np.argmin(seen))
@@ -144,7 +143,13 @@ class Adequacy:
     @cached_property
     def _sizes(self) -> NDArray[np.int64]:
         """Degrees of freedom of each test."""
-        return np.array([len(test.basis) for test in self.found], dtype=np.int64)
+        return np.array([test.degrees for test in self.found], dtype=np.int64)
+
+
+def is_refuted(result: FitResult, count: int) -> bool:
+    """Whether χ² alone refutes a model, so that no p-value of so many tests would be simulated."""
+    of_sum = float(chi_square_tail(np.array(result.chi2), result.degrees))
+    return of_sum * all_tests(count) < CERTAIN
 
 
 def all_tests(found: int) -> int:

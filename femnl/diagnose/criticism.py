@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from femnl.core.effect import Effect
-from femnl.diagnose.adequacy import Adequacy, all_tests
+from femnl.diagnose.adequacy import Adequacy, all_tests, is_refuted
 from femnl.diagnose.candidate import Candidate, FirstTests, Pointer, factor_of
 from femnl.diagnose.part_of_data import in_part
 from femnl.diagnose.score_test import ScoreTest
-from femnl.diagnose.score_tests import score_tests, unlike
+from femnl.diagnose.score_tests import promising, score_tests, unlike
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Run, in_turn
 from femnl.fits.least_squares import FitResult
@@ -34,7 +34,8 @@ def criticise(
         refuted = _refuted(result, others, first)
         if refuted is not None:
             return refuted
-    found = score_tests(result, others, run=run)
+    refuted_by_sum = is_refuted(result, MANY) and not _noise_may_be_larger(result)
+    found = score_tests(result, others, starts_alone=refuted_by_sum, run=run)
     adequacy = Adequacy(result, found)
     p_value, worst = adequacy.p_value()
     pointers = tuple(_pointers(result, found, others))
@@ -137,16 +138,14 @@ def _noise_may_be_larger(result: FitResult) -> bool:
 def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:
     """Return the effects that promise most, and those whose tests are least likely by chance.
 
-    Beside the base model alone, every effect is returned. There tangents tell least of where a
-    cause leads, and an effect that resembles the right one must not be left out.
+    Beside the base model alone, every effect is returned.
     """
     alone = not result.model.effects
     best: dict[str, list[ScoreTest]] = {}
-    for test in sorted(found, key=lambda test: -test.gain):
-        if test.effect is not None and (alone or test.gain > 0):
-            best.setdefault(test.name, []).append(test)
+    for test in promising(result, found):
+        best.setdefault(test.name, []).append(test)
     excess = result.chi2 - result.degrees
-    promising = {
+    pointing = {
         name
         for i, name in enumerate(best)
         if alone
@@ -154,9 +153,9 @@ def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) 
         or (i < THRESHOLDS.most_effects and best[name][0].gain > THRESHOLDS.least_gain * excess)
     }
     by_chance = sorted(best, key=lambda name: min(test.p_value for test in best[name]))
-    promising.update(by_chance[: THRESHOLDS.surprising_effects])
+    pointing.update(by_chance[: THRESHOLDS.surprising_effects])
     return [
         Pointer(e, tuple(test.values for test in unlike(best[e.name])), best[e.name][0].gain)
         for e in library
-        if e.name in promising
+        if e.name in pointing
     ]

@@ -10,7 +10,7 @@ from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.score_test import ScoreTest, beside, chi_square_tail, stored
+from femnl.diagnose.score_test import ScoreTest, beside, stored
 from femnl.diagnose.strength_slopes import Index, chord, tangents
 from femnl.fits.least_squares import FitResult
 from femnl.observe.extended import ExtendedModel
@@ -156,9 +156,8 @@ def _effect_test(
     named = shape | {
         one.spec.name: float(strength) for one, strength in zip(strengths, allowed, strict=True)
     }
-    explained = np.array(float(np.sum((basis @ result.residuals) ** 2)))
-    p_value = float(chi_square_tail(explained, len(basis)))
-    return ScoreTest(effect.name, effect, stored(basis), gain, p_value, named)
+    square = float(np.sum((basis @ result.residuals) ** 2))
+    return ScoreTest(effect.name, effect, stored(basis), square, len(basis), gain, named)
 
 
 def _at(spec: ParameterSpec, low: float, high: float, part: float) -> float:

@@ -1,6 +1,7 @@
 """A score test: one direction in which residuals may deviate, and what going there gains."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +22,22 @@ class ScoreTest:
     Gain in χ² from going there, its p-value, and where a fit would start.
 
     effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents, in single
-    precision where it is long (`stored`). strengths, shape: linear estimate of the effect.
+    precision where it is long (`stored`); without rows once nobody asks for it. square: χ² of the
+    residuals along it, of so many degrees of freedom. values: linear estimate of the effect.
     """
 
     name: str
     effect: Effect | None
     basis: NDArray[np.floating]
+    square: float
+    degrees: int
     gain: float
-    p_value: float
     values: dict[str, float]
+
+    @cached_property
+    def p_value(self) -> float:
+        """Probability of a larger χ² along the directions by chance."""
+        return float(chi_square_tail(np.array(self.square), self.degrees))
 
     @property
     def whole(self) -> list[float]:
@@ -39,6 +47,10 @@ class ScoreTest:
             for spec in (self.effect.parameters if self.effect else ())
             if spec.whole
         ]
+
+    def without_basis(self) -> "ScoreTest":
+        """Return the same test without its directions, which take all of its memory."""
+        return replace(self, basis=np.empty((0, self.basis.shape[1]), self.basis.dtype))
 
 
 def stored(basis: Array) -> NDArray[np.floating]:

@@ -8,7 +8,7 @@ import numpy as np
 from femnl.core.effect import Effect, Values
 from femnl.core.readout import Array
 from femnl.diagnose.effect_tests import effect_tests
-from femnl.diagnose.score_test import ScoreTest, beside, chi_square_tail, stored
+from femnl.diagnose.score_test import ScoreTest, beside, stored
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.fits.least_squares import FitResult
@@ -28,6 +28,7 @@ def score_tests(
     shapes: Mapping[str, Values] | None = None,
     *,
     patterns: bool = True,
+    starts_alone: bool = False,
     run: Run = in_turn,
 ) -> list[ScoreTest]:
     """Return every score test of the residuals.
@@ -36,7 +37,8 @@ def score_tests(
 
     Args: shapes: by name of each effect, values of its parameters; each is tested in this one
         shape. By default it is tested in all trial shapes. patterns: whether patterns are tested.
-        run: tests effects side by side.
+        starts_alone: whether only those tests keep their directions from which fits of an effect
+        would start; of a large map all take a fifth of a gigabyte. run: tests effects side by side.
     """
     if not library and not patterns:
         return []
@@ -52,7 +54,7 @@ def score_tests(
     jobs = [
         Job(
             f"{base_model.kind}: testing {effect.name}",
-            partial(_of_effect, result, own, effect, others, shapes),
+            partial(_of_effect, result, own, effect, others, shapes, starts_alone),
         )
         for effect in library
         if effect.has_strength
@@ -71,9 +73,8 @@ def _of_patterns(result: FitResult, own: Array) -> list[ScoreTest]:
     for name, direction in named.items():
         basis = beside(own, direction[None])
         if len(basis):
-            gain = float(np.sum((basis @ result.residuals) ** 2))
-            p_value = float(chi_square_tail(np.array(gain), len(basis)))
-            found.append(ScoreTest(name, None, stored(basis), gain, p_value, {}))
+            square = float(np.sum((basis @ result.residuals) ** 2))
+            found.append(ScoreTest(name, None, stored(basis), square, len(basis), square, {}))
     return found
 
 
@@ -83,11 +84,12 @@ def _of_effect(
     effect: Effect,
     others: Sequence[Values],
     shapes: Mapping[str, Values] | None,
+    starts_alone: bool,
 ) -> list[ScoreTest]:
     """Return the tests of an effect at the solution, and what is new at others.
 
     Args: own, shapes: as `effect_tests`. others: parameters of the base model that predict the
-        same.
+        same. starts_alone: as `score_tests`.
     """
     base, values = result.model.split(result.vector)
     here = effect_tests(result, own, effect, base, values, shapes)
@@ -95,7 +97,10 @@ def _of_effect(
     for other in others:
         there = effect_tests(result, own, effect, other, values, shapes)
         found += [test for test in there if not _is_among(test, here)]
-    return found
+    if not starts_alone:
+        return found
+    starts = set(map(id, unlike(promising(result, found))))
+    return [test if id(test) in starts else test.without_basis() for test in found]
 
 
 def _is_among(test: ScoreTest, others: list[ScoreTest]) -> bool:
@@ -108,13 +113,24 @@ def _is_among(test: ScoreTest, others: list[ScoreTest]) -> bool:
     return bool(same.all(axis=1).any())
 
 
+def promising(result: FitResult, found: list[ScoreTest]) -> list[ScoreTest]:
+    """Return the tests of effects from which fits may start, the best first.
+
+    Beside the base model alone all may: there tangents tell least of where a cause leads, and an
+    effect that resembles the right one must not be left out.
+    """
+    alone = not result.model.effects
+    mine = [t for t in found if t.effect is not None and (alone or t.gain > 0)]
+    return sorted(mine, key=lambda test: -test.gain)
+
+
 def unlike(found: list[ScoreTest]) -> list[ScoreTest]:
     """Return the best score tests of one effect that point to different places.
 
     Mirror images and neighbours point to the same. Those of other whole numbers come first: no fit
     leads from one to the next.
 
-    Args: found: the best first.
+    Args: found: the best first. One that `score_tests` left without directions is none of them.
     """
     kept: list[ScoreTest] = []
     choices: list[list[float]] = []
