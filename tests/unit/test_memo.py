@@ -3,9 +3,11 @@
 from collections.abc import Mapping
 
 import numpy as np
+import pytest
 
 from femnl.core.effect import Effect, ParameterSpec, Values
-from femnl.core.memo import recent_of
+from femnl.core.memo import FEW, ROOM, recent, recent_of
+from femnl.core.readout import Array
 from femnl.observe.model import apply, remembering
 
 
@@ -30,6 +32,25 @@ def test_another_object_of_the_same_content_is_another_one() -> None:
     first, second = [1.0], [1.0]
     assert known(first) is known(first)
     assert known(first) is not known(second)
+
+
+@pytest.mark.parametrize(("size", "kept"), [(1, 20), (ROOM // 160, 10), (ROOM // 16, FEW)])
+def test_of_long_results_fewer_are_kept(size: int, kept: int) -> None:
+    """Arrays of float64 count as what was asked and as what was found, 16 bytes a number."""
+    asked: list[float] = []
+
+    def twice(x: Array) -> Array:
+        asked.append(float(x[0]))
+        return 2 * x
+
+    known = recent(twice, most=20)
+    numbers = range(30)
+    for k in numbers:
+        known(np.full(size, float(k)))
+    asked.clear()
+    for k in reversed(numbers):
+        assert known(np.full(size, float(k)))[-1] == 2 * k
+    assert asked[0] == numbers[-1] - kept
 
 
 def test_what_effects_made_of_a_value_is_kept_for_each() -> None:
