@@ -93,6 +93,7 @@ def test_what_a_mode_that_does_not_settle_leaves_at_two_jumps_is_no_glitch(
     assert not found.excluded
 
 
+@pytest.mark.slow
 def test_large_glitches_side_by_side_near_a_resonance_are_found(tmp_path: Path) -> None:
     """Three of twelve lie at neighbouring frequencies of different sweeps, and move the fit."""
     draw = Draw("response", (), "glitches", "square-270um", 2850179101)

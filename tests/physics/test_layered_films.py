@@ -343,6 +343,7 @@ parts = [{shape = {kind = "circle", diameter = "5 um"}, at = ["40 um", "25 um"]}
 """
 
 
+@pytest.mark.slow
 def test_a_grain_on_the_electrode_of_a_drum_is_named_with_its_mass_and_place(
     tmp_path: Path,
 ) -> None:

@@ -187,6 +187,7 @@ def test_a_phase_that_rises_with_frequency_is_noticed_and_told(
     assert any("conjugated" in note for note in rising.notes)
 
 
+@pytest.mark.slow
 def test_a_leak_of_thirty_times_the_resonance_does_not_hide_the_mode(tmp_path: Path) -> None:
     make(Case("response", (), 3), tmp_path / "file.nc")
     data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()

@@ -233,6 +233,7 @@ def test_bounds_hold_and_name_what_they_limit() -> None:
         fit_response(data, bounds={"width": (0.0, 1.0)})
 
 
+@pytest.mark.slow
 def test_alpha_ratio_does_not_depend_on_the_position_along_a_line() -> None:
     # A line through both modes' antinodes: the signal varies twentyfold and changes sign, α_y four
     # hundredfold; α_y/α_c does not.
