@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from femnl.core.readout import Array
+from femnl.diagnose.portions import portions
 from femnl.diagnose.score_test import ScoreTest, chi_square_tail
 from femnl.fits.least_squares import FitResult
 
@@ -17,8 +18,6 @@ TAIL = 20
 """Simulated sets in the tail below which the p-value is extrapolated."""
 CERTAIN = 1e-6
 """p-value, by Bonferroni's inequality, below which none is simulated."""
-PORTION = 4096
-"""Data whose directions are multiplied at once."""
 EXACT = 5000
 """Residuals up to which whole sets of them are drawn; beyond, only what tests see of them."""
 BESIDE = ("chi-square", "outlier", "neighbours")
@@ -129,12 +128,10 @@ class Adequacy:
     def _overlaps(self) -> Array:
         """Products (n_directions, n_directions) of the directions of all tests.
 
-        They are added up over portions of the data: all directions of a large map at once take as
-        much memory as all else.
+        They are added up over portions of the data.
         """
         total = np.zeros((int(self._sizes.sum()),) * 2)
-        for begin in range(0, len(self.result.residuals), PORTION):
-            portion = slice(begin, begin + PORTION)
+        for portion in portions(len(self.result.residuals)):
             # Products in single precision would make dependent directions look independent
             some = np.concatenate([test.basis[:, portion] for test in self.found], dtype=float)
             total += some @ some.T

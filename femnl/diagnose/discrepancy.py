@@ -15,7 +15,8 @@ from scipy.special import logsumexp
 from femnl.core.effect import Effect, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
-from femnl.diagnose.distortions import distortions
+from femnl.diagnose.distortions import Distortions
+from femnl.diagnose.portions import portions
 from femnl.fits.least_squares import FitResult, log_prior
 from femnl.observe.model import MeasurementModel
 from femnl.observe.residuals import Layout
@@ -38,8 +39,6 @@ LAGS = 64
 """Residuals along a line over which a remainder may be correlated."""
 UNCORRELATED = 0.05
 """Correlation below which neighbours count as independent."""
-PORTION = 4096
-"""Data whose slopes are multiplied at once: of a large map all take much memory."""
 
 
 @dataclass(frozen=True)
@@ -126,9 +125,9 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     result = candidate.result
     effects = effects_of(candidate)
     ways = [
-        distortions(done_by(candidate, base, effect), result.model.base_model) for effect in effects
+        Distortions(done_by(candidate, base, effect), result.model.base_model) for effect in effects
     ]
-    n_ways = [part.shape[1] for part in ways]
+    n_ways = [part.count for part in ways]
     seen = _Seen(result, ways, allowed)
 
     def sizes(factor: float) -> Array:
@@ -155,21 +154,20 @@ class _Seen:
     The products of long columns, which are the same whatever the accuracy of the equations.
     """
 
-    def __init__(self, result: FitResult, ways: list[Array], allowed: Discrepancy) -> None:
-        """Take the ways (n, n_distortions) in which the equation of each cause may miss."""
+    def __init__(self, result: FitResult, ways: list[Distortions], allowed: Discrepancy) -> None:
+        """Take the ways in which the equation of each cause may miss."""
         self._result = result
         self._allowed = allowed
         low, high = result.model.bounds
         self._width = high - low
         directions = allowed.directions
-        columns = sum(part.shape[1] for part in (result.jacobian, *ways))
+        columns = result.vector.size + sum(part.count for part in ways)
         self._inside = np.zeros((len(directions), columns))
         self._across = np.zeros((columns, columns))
         self._pull = np.zeros(columns)
-        for begin in range(0, len(result.residuals), PORTION):
-            at = slice(begin, begin + PORTION)
+        for at in portions(len(result.residuals)):
             slopes = np.concatenate(
-                [result.jacobian[at] * self._width, *(part[at] for part in ways)], axis=1
+                [result.slopes[at] * self._width, *(part.of(at) for part in ways)], axis=1
             )
             self._inside += directions[:, at] @ slopes
             self._across += slopes.T @ slopes

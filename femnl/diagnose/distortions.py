@@ -14,24 +14,35 @@ VARYING = (1, 2, 3)
 """Powers of the place along the data with which it may be wrong."""
 
 
-def distortions(done: Array, base_model: MeasurementModel) -> Array:
-    """Return in what ways an equation may miss the whole of a cause, as columns (n, n_distortions).
+class Distortions:
+    """In what ways an equation may miss the whole of a cause, as columns (n, count).
 
     One is a part of what the cause does to the data that grows with its size there; others vary
     with the place of the data. For quadratures, some are also turned in phase, as a further pole of
     an amplifier turns them.
-
-    Args: done (n,): what the cause changes of every residual.
     """
-    places = places_of(base_model)
-    beside = _turned(done, base_model.layout)
-    size = np.hypot(done, beside)
-    size = size / max(float(size.max()), 1e-300)
-    shapes = [*(size**p for p in GROWING), *(along**p for along in places for p in VARYING)]
-    ways = [done[:, None] * np.stack(shapes, axis=1)]
-    if np.any(beside):
-        ways.append(beside[:, None] * np.stack([np.ones_like(size), *shapes], axis=1))
-    return np.concatenate(ways, axis=1)
+
+    def __init__(self, done: Array, base_model: MeasurementModel) -> None:
+        """Take what the cause changes of every residual (n,)."""
+        self._done = done
+        self._beside = _turned(done, base_model.layout)
+        self._places = places_of(base_model)
+        size = np.hypot(done, self._beside)
+        self._size = size / max(float(size.max()), 1e-300)
+        self._turns = bool(np.any(self._beside))
+        shapes = len(GROWING) + len(self._places) * len(VARYING)
+        self.count = shapes + (1 + shapes if self._turns else 0)
+
+    def of(self, data: slice) -> Array:
+        """Return the columns of some of the data."""
+        size = self._size[data]
+        growing = [size**p for p in GROWING]
+        shapes = [*growing, *(along[data] ** p for along in self._places for p in VARYING)]
+        ways = [self._done[data, None] * np.stack(shapes, axis=1)]
+        if self._turns:
+            turned = np.stack([np.ones_like(size), *shapes], axis=1)
+            ways.append(self._beside[data, None] * turned)
+        return np.concatenate(ways, axis=1)
 
 
 def _turned(done: Array, layout: Layout | None) -> Array:

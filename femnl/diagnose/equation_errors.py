@@ -5,7 +5,8 @@ import numpy as np
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.discrepancy import changed_by, effects_of
-from femnl.diagnose.distortions import distortions
+from femnl.diagnose.distortions import Distortions
+from femnl.diagnose.portions import portions
 
 
 def equation_sd(best: Candidate, base: Candidate) -> Array:
@@ -13,7 +14,7 @@ def equation_sd(best: Candidate, base: Candidate) -> Array:
 
     Where an equation misses the data by d, a linear fit moves by C Jᵀd, with the covariance C and
     the Jacobian J. Each cause may miss the data by a part of what it changes of them, the same part
-    everywhere, and by the ways in which that part may vary (`distortions`). All of them are
+    everywhere, and by the ways in which that part may vary (`Distortions`). All of them are
     independent and have the stated accuracy of the equation as their standard deviation. More data
     do not lower these errors.
 
@@ -23,8 +24,11 @@ def equation_sd(best: Candidate, base: Candidate) -> Array:
     variance = np.zeros(result.vector.size)
     for effect in effects_of(best):
         changed = changed_by(best, base, effect)
-        ways = distortions(changed, result.model.base_model)
-        missed = effect.accuracy * np.concatenate([changed[:, None], ways], axis=1)
-        moved = result.covariance @ (result.jacobian.T @ missed)
+        ways = Distortions(changed, result.model.base_model)
+        pull = sum(
+            result.slopes[at].T @ np.concatenate([changed[at, None], ways.of(at)], axis=1)
+            for at in portions(len(changed))
+        )
+        moved = effect.accuracy * (result.covariance @ pull)
         variance += np.sum(moved**2, axis=1)
     return np.sqrt(variance)
