@@ -67,12 +67,13 @@ def discrepancy(base: FitResult, best: FitResult) -> Discrepancy:
     """
     model = base.model
     named = model.base_model.smooth_deviations(model.effects, *model.split(base.vector))
-    rows = [row / np.linalg.norm(row) for row in named.values() if np.any(row)]
     n = len(base.residuals)
+    stacked = np.array([named.pop(name) for name in list(named)]).reshape(-1, n)
+    stacked = stacked[np.any(stacked, axis=1)]
     directions = np.empty((0, n))
-    if rows:
+    if len(stacked):
         # The Gram matrix is small, and rows may be long
-        stacked = np.stack(rows)
+        stacked /= np.linalg.norm(stacked, axis=1, keepdims=True)
         values, vectors = np.linalg.eigh(stacked @ stacked.T)
         largest = np.argsort(-values)[: min(MOST_DIRECTIONS, n - 1)]
         kept = largest[values[largest] > SHARED**2 * values.max()]
