@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.diagnosis import Diagnosis
@@ -87,11 +88,11 @@ class Bench:
         """Return what a straight readout makes of the motion."""
         return np.asarray(amplitude * STRONGEST / np.abs(amplitude).max() * np.exp(0.4j))
 
-    def diagnose(self, path: Path, volts: Complex, **extra: Any) -> Diagnosis:
-        """Write the sweeps with noise to a file and diagnose it."""
+    def measured(self, volts: Complex, **extra: Any) -> xr.Dataset:
+        """Return the sweeps with noise."""
         rng = np.random.default_rng(extra.pop("seed", 1))
         noise = rng.standard_normal((2, *volts.shape))
-        data = measurement.response(
+        return measurement.response(
             np.broadcast_to(self.frequency, volts.shape),
             volts + NOISE * (noise[0] + 1j * noise[1]),
             noise_sd=NOISE,
@@ -101,6 +102,10 @@ class Bench:
             direction=extra.pop("direction", self.direction),
             **extra,
         )
+
+    def diagnose(self, path: Path, volts: Complex, **extra: Any) -> Diagnosis:
+        """Write the sweeps with noise to a file and diagnose it."""
+        data = self.measured(volts, **extra)
         measurement.write(measurement.bundle({"sweeps": data}, geometry="square-270um"), path)
         return diagnose(path)
 

@@ -5,7 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.physics.driven_sweeps import PHASES, WAVELENGTH, Bench, Complex, lock_in
+from femnl import load
+from femnl.fits.response.fit import fit_response
+from femnl.fits.response.pose import pose
+from femnl.observe.film import SimulatedFilm
+from tests.physics.driven_sweeps import F0, PHASES, WAVELENGTH, Bench, Complex, lock_in
 
 SIDE = 270e-6
 PLACES = ((60e-6, 60e-6), (110e-6, 70e-6))
@@ -52,3 +56,25 @@ def test_one_place_that_is_not_recorded_gives_the_square_of_the_shape_there(
     square = np.prod([np.sin(2 * np.pi * (part / SIDE + 0.5)) for part in PLACES[1]]) ** 2
     share = found.parameters["nonlinear_readout"]["share"]
     assert share.value == pytest.approx(square, abs=4 * share.sd)
+
+
+FOLDED = Bench(width=420.0, stretch=18.0, points=101)
+"""Motion of 0.5 µm, over which the first harmonic of the fringe changes its sign three times."""
+
+
+def test_sweeps_over_several_fringes_do_not_make_the_film_soften() -> None:
+    """At strong drives the mode looks as if it softened, and no fit leads to the other sign."""
+    data = FOLDED.measured(seen(FOLDED, PLACES[0], 1.2))
+    assert fit_response(data, background="none", duffing=True, delay=True)["alpha_ratio"] < 0
+    posed = pose(data, SimulatedFilm(load("square-270um"), 12))
+    assert not posed.softens
+    assert len(posed.equivalent_solutions({})) == 1
+    frequency, width, peak, *_ = posed.start
+    assert abs(frequency - F0) < FOLDED.width / 4
+    assert (width, peak) == pytest.approx((FOLDED.width, FOLDED.peak), rel=0.3)
+
+
+@pytest.mark.slow
+def test_a_fringe_is_named_whatever_it_makes_of_strong_motion(tmp_path: Path) -> None:
+    found = FOLDED.diagnose(tmp_path / "a.nc", seen(FOLDED, PLACES[0], 1.2))
+    assert (found.verdict, found.causes) == ("explained", ("nonlinear_readout",))

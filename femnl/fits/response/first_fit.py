@@ -15,6 +15,15 @@ from femnl.observe.response.sweeps import collect
 
 FAR_BETTER = 4.0
 """Factor by which a background must lower χ² before it is taken to hide the resonance."""
+BENT = 10.0
+"""Reduced χ² of a fit to all drives, and its factor over that of one to the weakest, from which on
+strong drives may show something else than the mode.
+"""
+CERTAIN = 5.0
+SHOWN = 0.1
+"""Standard deviations of a stiffening at the weakest drive that is believed, and its part of the
+critical one where a misfit that is plain there, too, withholds them.
+"""
 
 
 def first_fit(
@@ -22,8 +31,8 @@ def first_fit(
 ) -> tuple[int, dict[str, float]]:
     """Return the sign of the phase, and the values of a fit of one mode by their names.
 
-    Among them is `background` [V/V]: how strong the background is that hides the mode, 0 where none
-    does.
+    Among them are `background` [V/V]: how strong the background is that hides the mode, 0 where
+    none does; and `hidden`: 1 where a background or strong drives hide the mode, 0 elsewhere.
 
     Each process of a diagnosis poses the sweeps: the checkpoint keeps for the others what the first
     one found in seconds.
@@ -37,7 +46,10 @@ def first_fit(
     def find() -> tuple[Array, Array]:
         sign = sign_of_phase(clear, first_layout(clear, "complex"))
         fitted, background = _fitted(dataset, sign, place, clear.reference)
-        return np.array([*(fitted[name] for name in names), background]), np.array([sign])
+        weak = _of_weakest_drive(dataset, fitted, names[2], sign) if background == 0 else None
+        hidden = background > 0 or weak is not None
+        found = [(weak or fitted)[name] for name in names]
+        return np.array([*found, background, float(hidden)]), np.array([sign])
 
     if checkpoint is None:
         values, sign = find()
@@ -45,7 +57,7 @@ def first_fit(
         digest = hashlib.sha256(clear.frequency.tobytes() + clear.voltage.tobytes())
         what = f"first fit of sweeps, or beside a background, {digest.hexdigest()}"
         values, sign = checkpoint.recall(what, find)
-    return int(sign[0]), dict(zip([*names, "background"], values.tolist(), strict=True))
+    return int(sign[0]), dict(zip([*names, "background", "hidden"], values.tolist(), strict=True))
 
 
 def _fitted(
@@ -57,6 +69,20 @@ def _fitted(
     Whether they are there is for the diagnosis to say; here they only make the start safe. A
     background that is weaker than the resonance hides nothing: the mode is found without it.
     """
+    best = _without_background(dataset, sign)
+    if best.chi2_reduced < ADEQUATE:
+        return best, 0.0
+    beside = fit_response(
+        dataset, "complex", background="slope", duffing=True, delay=True, phase_sign=sign
+    )
+    background = max(_leak(beside, name, reference) for name in place)
+    resonance = max(beside[f"y_max{name}"] for name in place)
+    hidden = background > resonance and beside.chi2_reduced < best.chi2_reduced / FAR_BETTER
+    return (beside, background) if hidden else (best, 0.0)
+
+
+def _without_background(dataset: xr.Dataset, sign: int) -> Fit:
+    """Return the better fit of one mode with or without damping that grows with the amplitude."""
     found: list[Fit] = []
     for damped in (True, False):
         fitted = fit_response(
@@ -69,16 +95,29 @@ def _fitted(
             nonlinear_damping=damped,
         )
         if fitted.chi2_reduced < ADEQUATE:
-            return fitted, 0.0
+            return fitted
         found.append(fitted)
-    best = min(found, key=lambda one: one.chi2_reduced)
-    beside = fit_response(
-        dataset, "complex", background="slope", duffing=True, delay=True, phase_sign=sign
-    )
-    background = max(_leak(beside, name, reference) for name in place)
-    resonance = max(beside[f"y_max{name}"] for name in place)
-    hidden = background > resonance and beside.chi2_reduced < best.chi2_reduced / FAR_BETTER
-    return (beside, background) if hidden else (best, 0.0)
+    return min(found, key=lambda one: one.chi2_reduced)
+
+
+def _of_weakest_drive(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) -> Fit | None:
+    """Return a fit to the weakest drive where only that shows how the mode stiffens.
+
+    A readout that bends over several fringes makes sweeps at strong drives look as if they
+    softened, and no fit leads from there to the other sign. None where the fit to all drives may be
+    right, or where the weakest tells no other sign.
+
+    Args: fitted: to all drives. stiffness: the name of α in fits.
+    """
+    drive = np.abs(dataset["drive"].values)
+    if fitted.chi2_reduced < BENT or fitted[stiffness] > 0 or np.ptp(drive) == 0:
+        return None
+    weakest = dataset.isel(sweep=np.flatnonzero(drive == drive.min()))
+    weak = _without_background(weakest, sign)
+    found = weak.parameters[stiffness]
+    told = np.isfinite(found.sd)
+    stiffens = found.value > CERTAIN * found.sd if told else weak["alpha_ratio"] > SHOWN
+    return weak if stiffens and weak.chi2_reduced < fitted.chi2_reduced / BENT else None
 
 
 def _leak(fitted: Fit, place: str, reference: float) -> float:

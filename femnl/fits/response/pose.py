@@ -90,7 +90,7 @@ def pose(
             alpha,
             softens,
         ),
-        hidden=fitted["background"] > 0,
+        hidden=fitted["hidden"] > 0,
     )
 
 

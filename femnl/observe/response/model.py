@@ -46,8 +46,8 @@ class ResponseModel(MeasurementModel):
     measured [s], or the number of its sweep; step (n_points,): time since the one before, in those
     that most points take. shape (n_points,): ξ of the driven mode where the
     laser meets the film, 1 where that is not known. middle [Hz]: of the frequencies at which the
-    mode moves strongly. largest [V]: signal. hidden: whether a background hides the resonance, so
-    that the start is right only beside one.
+    mode moves strongly. largest [V]: signal. hidden: whether something else hides the resonance, so
+    that the start is right only beside that.
     """
 
     kind = "response"
@@ -341,7 +341,7 @@ class ResponseModel(MeasurementModel):
         return found
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Return the mode that a background hides; alone it describes the background instead."""
+        """Return the mode that something else hides, which alone it would describe instead."""
         names = [spec.name for spec in self.base]
         return [dict(zip(names, self.start.tolist(), strict=True))] if self.hidden else []
 
