@@ -68,21 +68,32 @@ def discrepancy(base: FitResult, best: FitResult) -> Discrepancy:
     model = base.model
     named = model.base_model.smooth_deviations(model.effects, *model.split(base.vector))
     n = len(base.residuals)
-    stacked = np.array([named.pop(name) for name in list(named)]).reshape(-1, n)
-    stacked = stacked[np.any(stacked, axis=1)]
-    directions = np.empty((0, n))
-    if len(stacked):
-        # The Gram matrix is small, and rows may be long
-        stacked /= np.linalg.norm(stacked, axis=1, keepdims=True)
-        values, vectors = np.linalg.eigh(stacked @ stacked.T)
-        largest = np.argsort(-values)[: min(MOST_DIRECTIONS, n - 1)]
-        kept = largest[values[largest] > SHARED**2 * values.max()]
-        directions = (vectors[:, kept] / np.sqrt(values[kept])).T @ stacked
+    directions = _orthonormal([row for row in named.values() if np.any(row)], n)
     left = best.residuals - directions.T @ (directions @ best.residuals)
     beside = max(n - len(directions), 1)
     blocks = np.unique(model.base_model.blocks).size
     pieces = beside / _smoothness(left, model.base_model)
     return Discrepancy(directions, float(min(max(pieces, blocks), beside)))
+
+
+def _orthonormal(rows: list[Array], n: int) -> Array:
+    """Return the orthonormal directions (k, n) that rows (n,) of any size have in common most."""
+    sizes = np.array([np.linalg.norm(row) for row in rows])[:, None]
+
+    def units(at: slice) -> Array:
+        return np.asarray(np.array([row[at] for row in rows]) / sizes)
+
+    if not rows:
+        return np.empty((0, n))
+    # The Gram matrix is small, and rows may be long
+    gram = np.sum([units(at) @ units(at).T for at in portions(n)], axis=0)
+    values, vectors = np.linalg.eigh(gram)
+    largest = np.argsort(-values)[: min(MOST_DIRECTIONS, n - 1)]
+    kept = largest[values[largest] > SHARED**2 * values.max()]
+    directions = np.empty((len(kept), n))
+    for at in portions(n):
+        directions[:, at] = (vectors[:, kept] / np.sqrt(values[kept])).T @ units(at)
+    return directions
 
 
 def _smoothness(residuals: Array, base_model: MeasurementModel) -> float:
