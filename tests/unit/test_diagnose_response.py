@@ -16,11 +16,15 @@ from femnl.diagnose.search import search
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.effects import library
 from femnl.fits.least_squares import fit
+from femnl.fits.response.choice import sign_of_phase, turned
+from femnl.fits.response.fit import first_layout
 from femnl.fits.response.pose import pose as pose_response
+from femnl.fits.response.start import likely_sign
 from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.response.states import follow
+from femnl.observe.response.sweeps import collect
 from tests.blind.lab import Case, make
 from tests.blind.realistic.files import Draw
 from tests.blind.realistic.files import make as make_realistic
@@ -185,6 +189,18 @@ def test_a_phase_that_rises_with_frequency_is_noticed_and_told(
     assert ExtendedModel(rising).residuals(rising.start) == pytest.approx(at_start)
     assert not any("conjugated" in note for note in falling.notes)
     assert any("conjugated" in note for note in rising.notes)
+
+
+@pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.slow)])
+def test_a_leak_that_grows_with_the_drive_does_not_turn_the_sign_of_the_phase(
+    sign: int, tmp_path: Path
+) -> None:
+    """No model without the leak meets the data, and their linear form has the wrong sign."""
+    draw = Draw("response", ("crosstalk",), "exact", "square-270um", 1611926327)
+    make_realistic(draw, tmp_path / "file.nc")
+    data = collect(measurement.read(tmp_path / "file.nc")["response"].to_dataset())
+    assert likely_sign(data) < 0
+    assert sign_of_phase(turned(data, sign), first_layout(data, "complex")) == sign
 
 
 @pytest.mark.slow

@@ -95,7 +95,17 @@ def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, 
             fits.fit_across_folds()
             if fits.met or fits.least < MOSTLY * linear:
                 break
+        if open_signs and not _decided(tried):
+            for fits in tried.values():
+                if not any(variant.duffing for variant in fits.found):
+                    fits.fit_across_folds()
+                fits.fit_beside_leak()
     return tried
+
+
+def _decided(tried: Mapping[int, TriedModels]) -> bool:
+    """Whether a sign of the phase meets the data, or leaves clearly less than the other."""
+    return any(fits.met or _clear(tried, sign) for sign, fits in tried.items())
 
 
 def _sign(sweeps: Sweeps, tried: Mapping[int, TriedModels]) -> int:

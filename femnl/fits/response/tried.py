@@ -168,6 +168,13 @@ class TriedModels:
             if self.met or (form == "constant" and last.chi2 > UNFOLDED * linear):
                 return
 
+    def fit_beside_leak(self) -> None:
+        """Fit a Duffing model beside a background that grows with the drive, from the best one."""
+        best = self.cheapest(duffing=True)
+        if best is not None and self._drives and self.forms[-1] != "none":
+            late: Delay = "resonance" if self.late == "all" else "none"
+            self.again(Variant(self.forms[-1], True, late, duffing=True), best)
+
     def fit_complex(self) -> None:
         """Fit all models that may be chosen to complex data."""
         self.begin()
