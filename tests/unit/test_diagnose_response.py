@@ -203,6 +203,15 @@ def test_a_leak_that_grows_with_the_drive_does_not_turn_the_sign_of_the_phase(
     assert sign_of_phase(turned(data, sign), first_layout(data, "complex")) == sign
 
 
+def test_a_drift_of_many_linewidths_does_not_turn_the_sign_of_the_phase(tmp_path: Path) -> None:
+    """By 13 linewidths over all sweeps: to one linear form at each place they circle the other way."""
+    draw = Draw("response", ("frequency_drift",), "correlated noise", "square-270um", 3909290084)
+    make_realistic(draw, tmp_path / "file.nc")
+    data = collect(measurement.read(tmp_path / "file.nc")["response"].to_dataset())
+    assert likely_sign(data) > 0
+    assert likely_sign(turned(data, -1)) < 0
+
+
 @pytest.mark.slow
 def test_a_leak_of_thirty_times_the_resonance_does_not_hide_the_mode(tmp_path: Path) -> None:
     make(Case("response", (), 3), tmp_path / "file.nc")

@@ -89,15 +89,15 @@ def _delay(sweeps: Sweeps) -> float:
 
 
 def likely_sign(sweeps: Sweeps) -> int:
-    """Return the sign of the phase that the linear form of complex data finds.
+    """Return the sign of the phase that the linear form of complex data finds in most sweeps.
 
     The pole f₀ + i w/2 = −p₀/p₁ lies in the upper half plane for exp(+iωt), in the lower one for
-    exp(−iωt), whatever the stiffening; a background may turn it.
+    exp(−iωt), whatever the stiffening; a background may turn it. Sweeps are asked one by one, as
+    the mode may drift from one to the next.
     """
     total = 0.0
-    for p in range(sweeps.n_positions):
-        at = sweeps.position == p
-        basis, weight, inverse, _ = _linear_form(sweeps, at)
+    for k in np.unique(sweeps.sweep):
+        basis, weight, inverse, _ = _linear_form(sweeps, sweeps.sweep == k)
         found = np.linalg.lstsq(basis * weight[:, None], inverse * weight, rcond=None)[0]
         total += float(np.sign((-found[0] / found[1]).imag))
     return -1 if total < 0 else 1
