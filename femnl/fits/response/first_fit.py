@@ -46,7 +46,7 @@ def first_fit(
     def find() -> tuple[Array, Array]:
         sign = sign_of_phase(clear, first_layout(clear, "complex"))
         fitted, background = _fitted(dataset, sign, place, clear.reference)
-        weak = _of_weakest_drive(dataset, fitted, names[2], sign) if background == 0 else None
+        weak = of_weakest_drive(dataset, fitted, names[2], sign) if background == 0 else None
         hidden = background > 0 or weak is not None
         found = [(weak or fitted)[name] for name in names]
         return np.array([*found, background, float(hidden)]), np.array([sign])
@@ -100,7 +100,7 @@ def _without_background(dataset: xr.Dataset, sign: int) -> Fit:
     return min(found, key=lambda one: one.chi2_reduced)
 
 
-def _of_weakest_drive(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) -> Fit | None:
+def of_weakest_drive(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) -> Fit | None:
     """Return a fit to the weakest drive where only that shows how the mode stiffens.
 
     A readout that bends over several fringes makes sweeps at strong drives look as if they
