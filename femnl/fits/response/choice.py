@@ -96,10 +96,16 @@ def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, 
             if fits.met or fits.least < MOSTLY * linear:
                 break
         if open_signs and not _decided(tried):
+            before = {sign: dict(fits.found) for sign, fits in tried.items()}
             for fits in tried.values():
                 if not any(variant.duffing for variant in fits.found):
                     fits.fit_across_folds()
                 fits.fit_beside_leak()
+            if not any(fits.met for fits in tried.values()):
+                # Beside a leak the wrong sign may leave less than the right one until one is met
+                for sign, fits in tried.items():
+                    fits.found.clear()
+                    fits.found.update(before[sign])
     return tried
 
 
