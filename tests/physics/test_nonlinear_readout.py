@@ -65,7 +65,7 @@ FOLDED = Bench(width=420.0, stretch=18.0, points=101)
 
 def test_the_weakest_drive_tells_that_a_film_stiffens_whatever_strong_ones_show() -> None:
     data = FOLDED.measured(seen(FOLDED, PLACES[0], 1.2))
-    # As the best fit of all drives is, with no sweep that would tell better
+    # In the place of fits to all drives, which end on either side far from the data
     softer, stiffer = (
         fit_response(data, background="none", delay=True, phase_sign=1, fixed={"alpha_ratio": a})
         for a in (-20.0, 20.0)
