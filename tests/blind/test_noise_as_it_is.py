@@ -172,6 +172,7 @@ def test_one_of_two_sets_that_take_up_nearly_all_is_told_with_the_other(tmp_path
     assert sets == {("aspect_ratio",), ("stress_anisotropy",)}
 
 
+@pytest.mark.slow
 def test_a_cause_does_not_stand_alone_where_a_likelier_one_predicts_a_block_badly(
     tmp_path: Path,
 ) -> None:

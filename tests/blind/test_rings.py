@@ -96,9 +96,8 @@ def test_rings_of_the_readout_are_not_taken_for_motion(
     assert found.parameters["base"]["amplitude"].value == pytest.approx(446e-9, rel=2e-3)
 
 
-@pytest.mark.parametrize(
-    "lasers", [("red",), pytest.param(("red", "green"), marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("lasers", [("red",), ("red", "green")])
 def test_overtones_of_the_motion_are_named_and_measured_in_metres(
     lasers: tuple[str, ...], tmp_path: Path
 ) -> None:

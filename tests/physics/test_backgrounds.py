@@ -30,6 +30,7 @@ def names(found: Diagnosis) -> list[tuple[str, ...]]:
     return [found.causes, *(other.causes for other in found.alternatives)]
 
 
+@pytest.mark.slow
 def test_the_flank_of_a_far_resonance_is_a_sloping_background(tmp_path: Path) -> None:
     found = BENCH.diagnose(tmp_path / "a.nc", beside(15 * SPAN, 0.5 * SPAN, 0.05))
     assert (found.verdict, found.causes) == ("explained", ("sloping_background",)), names(found)

@@ -227,6 +227,7 @@ def dotted(angle: float, dots: str = "7 um") -> Model:
     return parse(model.text + holes)
 
 
+@pytest.mark.slow
 def test_dots_between_the_holes_of_a_device_are_found_with_their_lattice() -> None:
     """However the device is turned, and the same as a lattice that is given about one hole."""
     wave = np.array([[0.3, 0.1], [1.0, 1.0]]) * np.pi / 20e-6

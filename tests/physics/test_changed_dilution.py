@@ -92,6 +92,7 @@ def test_another_stress_changes_losses_as_the_film_solved_anew_has_them() -> Non
     assert changed == pytest.approx(anew, abs=1.2e-3)
 
 
+@pytest.mark.slow
 def test_mass_leaves_the_part_of_bending_as_it_is() -> None:
     # Both energies are elastic, and as much smaller at one amplitude as ω² is
     changed = losses({"gas_loading": {"gas_density": 0.5}})

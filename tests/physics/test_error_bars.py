@@ -138,6 +138,7 @@ def test_a_tolerance_below_rounding_is_refused() -> None:
         solve_modes_to(outline("square"), 1e-15)
 
 
+@pytest.mark.slow
 def test_a_tolerance_is_met_where_bending_dominates() -> None:
     """Entries of K are 1e10 times ω²M there: their rounding left 5e-9 from mesh to mesh."""
     film = stiff(outline("square"), 1.0)

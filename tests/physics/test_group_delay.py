@@ -26,6 +26,7 @@ def test_a_delayed_signal_is_a_group_delay_and_no_crosstalk(tmp_path: Path) -> N
     assert tau.value == pytest.approx(10e-6, abs=4 * tau.sd)
 
 
+@pytest.mark.slow
 def test_a_leak_of_the_drive_is_crosstalk_and_no_delay(tmp_path: Path) -> None:
     bench = Bench(width=200.0)
     volts = bench.volts(bench.amplitude())

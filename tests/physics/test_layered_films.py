@@ -137,10 +137,11 @@ def test_frequencies_follow_c_and_the_bending_length_as_the_film_does(factor: fl
     assert found[:LOWEST] == pytest.approx(exact, rel=near)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "values"),
     [
-        pytest.param("stress_anisotropy", {"anisotropy": 0.15}, marks=pytest.mark.slow),
+        ("stress_anisotropy", {"anisotropy": 0.15}),
         ("shear_stress", {"shear": -0.08}),
     ],
 )
@@ -177,13 +178,14 @@ def test_an_edge_that_yields_does_what_springs_do_to_the_film_anew() -> None:
     assert found == pytest.approx(anew(electrode(more=more)), rel=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "excess",
     [
-        pytest.param(-0.3, marks=pytest.mark.slow),
-        pytest.param(0.07, marks=pytest.mark.slow),
+        -0.3,
+        0.07,
         0.27,
-        pytest.param(0.46, marks=pytest.mark.slow),
+        0.46,
     ],
 )
 def test_thicker_layers_do_what_they_do_to_the_film_anew(excess: float) -> None:
@@ -307,6 +309,7 @@ def test_the_laboratory_has_the_frequencies_of_the_drum(thicker: float) -> None:
     assert made == pytest.approx(modes.frequency, rel=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thicker", [0.2, -0.06])
 def test_an_electrode_of_another_thickness_is_named(thicker: float, tmp_path: Path) -> None:
     found = diagnosed(laboratory(load(SHIPPED), 14, thicker), tmp_path)
@@ -316,6 +319,7 @@ def test_an_electrode_of_another_thickness_is_named(thicker: float, tmp_path: Pa
     assert told.sd < 0.01
 
 
+@pytest.mark.slow
 def test_an_edge_of_a_metallised_drum_that_yields_is_named(tmp_path: Path) -> None:
     compliance = 0.03 * 135e-6
     film = load(SHIPPED).film
@@ -358,6 +362,7 @@ def test_a_grain_on_the_electrode_of_a_drum_is_named_with_its_mass_and_place(
     assert away == pytest.approx(np.hypot(40e-6, 25e-6), rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_fit_of_a_spectrum_gives_the_film_below_its_layers() -> None:
     modes = solve_modes(electrode(), 8, cache=False)
     group = measurement.spectrum(1.01 * modes.frequency, 1e-5 * modes.frequency)

@@ -23,6 +23,7 @@ def coupled(bench: Bench, width: float) -> Complex:
     return bench.amplitude(pull=np.asarray(pull, np.complex128))
 
 
+@pytest.mark.slow
 def test_a_partner_of_a_hundredth_of_the_linewidth_is_an_internal_resonance(
     tmp_path: Path,
 ) -> None:

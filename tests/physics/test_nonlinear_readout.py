@@ -48,6 +48,7 @@ def test_two_places_see_one_motion_through_fringes_that_bend_as_they_move(
     assert found.parameters["nonlinear_readout"]["share"].value == pytest.approx(1, abs=0.03)
 
 
+@pytest.mark.slow
 def test_one_place_that_is_not_recorded_gives_the_square_of_the_shape_there(
     tmp_path: Path,
 ) -> None:

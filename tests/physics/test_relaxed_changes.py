@@ -89,6 +89,7 @@ def test_a_quarter_and_the_whole_film_relax_alike(stress: tuple[float, float, fl
     assert rows[0] == pytest.approx(rows[1], abs=3e-6)
 
 
+@pytest.mark.slow
 def test_quadrilaterals_split_the_modes_as_much_as_femnl_does() -> None:
     model = parse(device("perforated").text.replace("bending = true", "bending = false"))
     modes = solve_modes(model, 20)

@@ -40,6 +40,7 @@ def test_rotating_wave_sweeps_agree_with_slow_sweeps_in_time(quintic: float) -> 
     )
 
 
+@pytest.mark.slow
 def test_a_drive_switched_on_at_rest_leads_to_the_state_that_time_integration_finds() -> None:
     mode = Resonator(F0, 400, alpha=1.0)
     force = 6 * critical_point(mode)[0]

@@ -20,9 +20,10 @@ def clipped(bench: Bench, part: float, low: float) -> Complex:
     return np.asarray(lock_in(wave) * volts / np.abs(volts))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    ["one_sided_saturation", pytest.param("detector_saturation", marks=pytest.mark.slow)],
+    ["one_sided_saturation", "detector_saturation"],
 )
 def test_rails_on_one_or_both_sides_are_told_apart_where_much_is_clipped(
     name: str, tmp_path: Path

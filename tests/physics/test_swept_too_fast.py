@@ -103,7 +103,8 @@ def test_a_slow_filter_is_named_with_what_it_keeps(tau: float, poles: int, tmp_p
     assert own["kept"].value == pytest.approx(left, abs=4 * own["kept"].sd + 1e-4)
 
 
-@pytest.mark.parametrize("stretch", [pytest.param(0.3, marks=pytest.mark.slow), 0.6])
+@pytest.mark.slow
+@pytest.mark.parametrize("stretch", [0.3, 0.6])
 def test_a_mode_that_does_not_settle_is_named_with_its_decay(
     stretch: float, tmp_path: Path
 ) -> None:

@@ -13,13 +13,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 CASES = {
-    "scale": 12,
-    "texts": 16,
-    "labfiles": 30,
-    "layouts": 20,
-    "chips": 12,
-    "bombs": 8,
-    "disk": 8,
+    "scale": 6,
+    "texts": 8,
+    "labfiles": 16,
+    "layouts": 10,
+    "chips": 6,
+    "bombs": 5,
+    "disk": 5,
 }
 """Cases of each class that a few seconds allow."""
 MANY = 300

@@ -209,6 +209,7 @@ def test_interruptions_are_listed_and_no_residual() -> None:
     assert seen.used[begin + 80 : begin + 200].all()
 
 
+@pytest.mark.slow
 def test_a_mode_alone_leaves_white_residuals_and_its_rate_within_the_errors() -> None:
     chi2 = []
     pulls = []

@@ -55,6 +55,7 @@ def test_a_film_a_fifth_thinner_is_within_what_is_known_of_films(tmp_path: Path)
     assert abs(length.value - np.sqrt(bending_square(150e-9))) < 4 * length.sd
 
 
+@pytest.mark.slow
 def test_a_film_that_lost_half_its_thickness_is_told_as_less_stiff(tmp_path: Path) -> None:
     thickness = 92e-9
     found = measured(tmp_path, *thinner(thickness))

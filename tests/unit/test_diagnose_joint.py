@@ -162,6 +162,7 @@ def test_maps_without_a_cause_are_adequate_together_and_know_the_amplitude_bette
     assert 1e9 * amplitude.sd == pytest.approx(sum(sd**-2 for sd in alone) ** -0.5, rel=0.1)
 
 
+@pytest.mark.slow
 def test_motion_in_metres_at_two_wavelengths_is_told_from_a_fringe(tmp_path: Path) -> None:
     found = diagnose(
         maps(tmp_path / "motion.nc", overtone=6e-9), effects=[library()[name] for name in FEW]

@@ -69,12 +69,13 @@ def within(found: Diagnosis, cause: str, truth: dict[str, float]) -> bool:
     return all(abs(own[name].value - value) < 4 * own[name].sd for name, value in truth.items())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("thickness", "scale", "waist"),
     [
-        pytest.param(186e-9, 1.0, np.inf, marks=pytest.mark.slow),
+        (186e-9, 1.0, np.inf),
         (183.75e-9, 1.0, 2.5e-6),
-        pytest.param(180e-9, 1.02, 4e-6, marks=pytest.mark.slow),
+        (180e-9, 1.02, 4e-6),
     ],
     ids=["thicker", "focused", "both"],
 )

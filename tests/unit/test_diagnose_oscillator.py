@@ -101,6 +101,7 @@ def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its
     assert base["alpha"] == pytest.approx(4.3, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_chaotic_record_is_refused() -> None:
     with pytest.raises(
         MeasurementError, match=r"the motion is chaotic: changes of its begin grow .* times"

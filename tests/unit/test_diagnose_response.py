@@ -106,6 +106,7 @@ def test_a_wiggle_at_fixed_frequency_is_an_internal_resonance_with_its_place_wid
         assert abs(size.value - truth) < 4 * size.sd + 1e-3 * truth, size
 
 
+@pytest.mark.slow
 def test_sweeps_that_soften_show_a_quadratic_force(tmp_path: Path) -> None:
     found = sweeps(tmp_path / "response.nc", -1.2e10, 0.0)
     assert (found.verdict, found.causes) == ("explained", ("quadratic_stiffness",)), (

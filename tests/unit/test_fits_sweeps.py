@@ -355,6 +355,7 @@ def study(count: int) -> tuple[int, int, Array]:
     return failed, duffing, np.asarray(np.mean(within, axis=0))
 
 
+@pytest.mark.slow
 def test_thirty_random_oscillators_are_found() -> None:
     failed, duffing, within = study(30)
     assert failed == 0

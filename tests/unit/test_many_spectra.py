@@ -48,19 +48,20 @@ def posed(geometry: str, *, labels: bool, losses: bool) -> MeasurementModel:
 CASES = {
     "square with labels and losses": ("square-270um", True, True),
     "square with labels": ("square-270um", True, False),
+    "square with losses": ("square-270um", False, True),
     "hexagon with losses": ("hexagon-278um", False, True),
     "hexagon by rank": ("hexagon-278um", False, False),
 }
 
 
-COVERED = ("square with labels and losses", "hexagon by rank")
-"""What the other cases have one of each."""
+LONG = ("square with labels and losses", "hexagon with losses", "hexagon by rank")
+"""What the other cases have one of each, or a film that takes long to solve."""
 
 
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(case, id=name, marks=[pytest.mark.slow] if name in COVERED else [])
+        pytest.param(case, id=name, marks=[pytest.mark.slow] if name in LONG else [])
         for name, case in CASES.items()
     ],
 )

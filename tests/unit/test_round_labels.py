@@ -47,6 +47,7 @@ def ideal_orders(count: int) -> list[tuple[int, int]]:
     return found[:count]
 
 
+@pytest.mark.slow
 def test_modes_of_a_round_film_have_the_orders_of_bessel_s_zeros(film: SimulatedFilm) -> None:
     assert list(round_orders(film)) == ideal_orders(COUNT)
 
