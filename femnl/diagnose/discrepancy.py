@@ -10,15 +10,18 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from femnl.core.effect import Effect, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.distortions import Distortions
+from femnl.diagnose.joint import JointModel
 from femnl.diagnose.portions import portions
 from femnl.fits.least_squares import FitResult, log_prior
 from femnl.observe.model import MeasurementModel
+from femnl.observe.noisy import NoisyModel, without_noise
 from femnl.observe.residuals import Layout
 
 MOST_DIRECTIONS = 40
@@ -136,9 +139,7 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     """
     result = candidate.result
     effects = effects_of(candidate)
-    ways = [
-        Distortions(done_by(candidate, base, effect), result.model.base_model) for effect in effects
-    ]
+    ways = [Distortions(done, result.model.base_model) for done in done_by_each(candidate, base)]
     n_ways = [part.count for part in ways]
     seen = _Seen(result, ways, allowed)
 
@@ -264,6 +265,35 @@ def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
     of_base = np.array([owner == "base" for owner, _ in result.model.parameters])
     own, _ = np.linalg.qr(result.jacobian[:, of_base & result.free])
     return np.asarray(changed - own @ (own.T @ changed))
+
+
+def done_by_each(candidate: Candidate, base: Candidate) -> list[Array]:
+    """Return what each cause of a set does (`done_by`), less where causes undo each other.
+
+    In every quantity the root mean square of what each does is at most in proportion to what all do
+    together, |Σ d| against √(Σ |d|²): causes that cancel may miss the data by no more for it.
+    """
+    each = np.array([done_by(candidate, base, effect) for effect in effects_of(candidate)])
+    if len(each) < 2:
+        return list(each)
+    for at in _quantities(candidate.result.model.base_model):
+        apart = np.linalg.norm(each[:, at])
+        together = np.linalg.norm(each[:, at].sum(axis=0))
+        if together < apart:
+            each[:, at] *= together / apart
+    return list(each)
+
+
+def _quantities(base_model: MeasurementModel) -> list[NDArray[np.bool_]]:
+    """Return which residuals (n,) are of each quantity; those of several measurements are one."""
+    bare = without_noise(base_model)
+    if isinstance(bare, JointModel):
+        return [np.ones(len(base_model.blocks), dtype=bool)]
+    kept = base_model.kept if isinstance(base_model, NoisyModel) else slice(None)
+    whole = np.zeros(len(bare.blocks), dtype=int)
+    for number, quantity in enumerate(bare.quantities):
+        whole[quantity.at] = number
+    return [whole[kept] == number for number in np.unique(whole)]
 
 
 def idle(

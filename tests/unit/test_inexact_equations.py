@@ -11,7 +11,7 @@ from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.criticism import criticise
-from femnl.diagnose.discrepancy import done_by
+from femnl.diagnose.discrepancy import done_by, done_by_each
 from femnl.diagnose.distortions import Distortions
 from femnl.diagnose.search import refitted
 from femnl.diagnose.verdict import judge
@@ -184,6 +184,60 @@ def test_a_cause_that_the_base_model_balances_does_no_more_than_it_takes_up() ->
     assert abs(found.result.vector[1]) > 50 * STRONG
     taken = np.linalg.norm(base.result.residuals - found.result.residuals)
     assert np.linalg.norm(done_by(found, base, offset)) == pytest.approx(taken, rel=1e-6)
+
+
+class Halves(Level):
+    """Two quantities, of half of the data each."""
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        halves = np.split(np.arange(N), 2)
+        return tuple(Quantity(str(k), "", at, np.ones(N // 2), {}) for k, at in enumerate(halves))
+
+
+def of_halves(first: Array | float, second: Array | float) -> Array:
+    return np.concatenate([np.broadcast_to(half, N // 2) for half in (first, second)])
+
+
+def line_in_halves(name: str, first: float, second: float) -> Effect:
+    """Return an effect that adds lines to both halves of the data, times its strength."""
+    line = PLACE[::2] + 1 / N
+    along = of_halves(first * line, second * line)
+
+    def act(value: Array, values: Values) -> Array:
+        return value + values["strength"] * along
+
+    spec = ParameterSpec("strength", "1", -1e4, 1e4)
+    return Effect(name, "", (spec,), {"placement": act}, "", "", "", accuracy=0.1)
+
+
+def test_causes_that_cancel_make_no_room_for_what_is_unknown() -> None:
+    loss, gas, mass = (
+        line_in_halves(name, first, second)
+        for name, first, second in (("loss", 1, 0), ("gas", 1, 1), ("mass", 0, -1))
+    )
+    noise = np.random.default_rng(20261128).standard_normal(N)
+    unknown = of_halves(0, 10 * np.sin(5 * PLACE[::2]))
+    model = Halves(STRONG * loss_shape() + unknown + noise, BLOCKS, 1e4)
+    sets = ((), (loss,), (mass,), (gas, mass), (loss, mass))
+    found = [candidate(model, *effects) for effects in sets]
+    both = found[3]
+    first, second = np.split(done_by_each(both, found[0])[0], 2)
+    assert np.abs(first).max() > 0.9 * STRONG
+    assert np.abs(second).max() < 30
+    assert np.abs(done_by(both, found[0], gas)[N // 2 :]).max() > 0.9 * STRONG
+    assert Weighed(found).graded.share["loss",] > 0.5
+
+
+def loss_shape() -> Array:
+    """Return what the true cause does, for a strength of 1."""
+    return of_halves(PLACE[::2] + 1 / N, 0)
+
+
+def test_causes_that_do_not_cancel_may_each_miss_what_they_do() -> None:
+    base, _, both = weighed(1.5, 0.1).found
+    for one, effect in zip(done_by_each(both, base), both.result.model.effects, strict=True):
+        np.testing.assert_allclose(one, done_by(both, base, effect), rtol=0.01)
 
 
 @pytest.mark.parametrize(("directions", "surer"), [(3, False), (24, True)])
