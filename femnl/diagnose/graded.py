@@ -8,9 +8,15 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from femnl.core.effect import UNKNOWN
+from femnl.core.effect import UNKNOWN, Effect
 from femnl.diagnose.candidate import Candidate, Names
-from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
+from femnl.diagnose.discrepancy import (
+    Discrepancy,
+    changed_by,
+    discrepancy,
+    effects_of,
+    log_evidence,
+)
 from femnl.diagnose.rivals import may_imitate
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run
@@ -25,6 +31,8 @@ OF_ONE_RESONANCE = frozenset({"response"})
 """Kinds whose causes all bend one resonance or its background, so that one resembles another: a
 second mode takes up 97 % of a quintic stiffness, a slope 98 % of a Fano line.
 """
+LONE = 0.95
+"""Part of the squares of what a cause changes, in σ, that makes the datum it is in its only one."""
 ACCURACIES = 2.0
 """Of its accuracy, how much an equation may miss the data by: two standard deviations."""
 
@@ -140,7 +148,8 @@ class Graded:
         """Return fewer causes of a set, whose inexact equations may do what the others take up.
 
         The likeliest first, where nothing but equations may be inexact: what they leave is then a
-        part of what they do, and a further cause must be likelier than that beyond doubt.
+        part of what they do, and a further cause must be likelier than that beyond doubt. A cause
+        that acts on one datum alone is beyond no doubt: anything may do that.
         """
         fewer = [c for c in self.found if c.names and set(c.names) < set(best.names)]
         if not fewer:
@@ -152,8 +161,13 @@ class Graded:
             return log_evidence(one, self.base, exact) + len(one.names) * odds
 
         least = weight(best) - NEEDLESS
+        lone = {effect.name for effect in effects_of(best) if _acts_on_one(best, self.base, effect)}
         ranked = sorted(((weight(c), i) for i, c in enumerate(fewer)), reverse=True)
-        return [fewer[i] for one, i in ranked if one > least]
+        return [
+            fewer[i]
+            for one, i in ranked
+            if one > least or set(best.names) - set(fewer[i].names) <= lone
+        ]
 
     @cached_property
     def left_in_part(self) -> list[Candidate]:
@@ -217,6 +231,16 @@ class Graded:
         result = candidate.result
         scatter = result.chi2 / result.degrees * len(result.residuals) / self.allowed.pieces
         return float(np.sqrt(max(scatter, 1.0)))
+
+
+def _acts_on_one(candidate: Candidate, base: Candidate, effect: Effect) -> bool:
+    """Whether a cause of a set changes hardly anything but one datum."""
+    squares = changed_by(candidate, base, effect) ** 2
+    layout = candidate.result.model.base_model.layout
+    if layout is not None:
+        known = layout.datum >= 0
+        squares = np.bincount(layout.datum[known], squares[known])
+    return bool(squares.max() >= LONE * squares.sum() > 0)
 
 
 def _log_evidences(some: list[Candidate], base: Candidate, allowed: Discrepancy) -> list[float]:

@@ -152,6 +152,8 @@ def only_set_predicts_no_better(weighed: Weighed) -> Judgement | None:
 def fewer_causes_may_suffice(weighed: Weighed) -> Judgement | None:
     """A set explains the data, but a cause of it may only make up for another's equation.
 
+    Or it acts on one datum alone, which tells no cause from another.
+
     The rule holds only where every rival has all causes of the smaller set that may suffice.
     """
     graded = weighed.graded

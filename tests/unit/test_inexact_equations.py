@@ -95,6 +95,27 @@ def renamed(both: Candidate) -> ExtendedModel:
     return ExtendedModel(both.result.model.base_model, (one, two))
 
 
+@pytest.mark.parametrize("apart", [1, 4])
+def test_a_further_cause_that_acts_on_one_datum_is_not_beyond_doubt(apart: int) -> None:
+    def act(value: Array, values: Values) -> Array:
+        return value + values["strength"] * pulled
+
+    pulled = np.zeros(N)
+    pulled[[7, 20, 33, 46][:apart]] = 1.0
+    noise = np.random.default_rng(20261128).standard_normal(N)
+    model = Level(STRONG * PLACE + 30 * pulled + noise, BLOCKS, 1e4)
+    line = cause("line", 1, 0.05)
+    spec = ParameterSpec("strength", "1", -1e4, 1e4)
+    pull = Effect("pull", "", (spec,), {"placement": act}, "", "", "", accuracy=0.05)
+    sets = ((), (line,), (pull,), (line, pull))
+    judged = judge([candidate(model, *effects) for effects in sets])
+    named = ("line",) if apart == 1 else ("line", "pull")
+    assert (judged.verdict, judged.chosen.names) == (
+        "ambiguous" if apart == 1 else "explained",
+        named,
+    )
+
+
 class Quadratures(Level):
     """Complex data: all real parts, then all imaginary ones."""
 
