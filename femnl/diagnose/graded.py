@@ -9,6 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from femnl.core.effect import UNKNOWN, Effect
+from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.discrepancy import (
     Discrepancy,
@@ -235,11 +236,11 @@ class Graded:
 
 def _acts_on_one(candidate: Candidate, base: Candidate, effect: Effect) -> bool:
     """Whether a cause of a set changes hardly anything but one datum."""
-    squares = changed_by(candidate, base, effect) ** 2
+    squares: Array = changed_by(candidate, base, effect) ** 2
     layout = candidate.result.model.base_model.layout
     if layout is not None:
         known = layout.datum >= 0
-        squares = np.bincount(layout.datum[known], squares[known])
+        squares = np.asarray(np.bincount(layout.datum[known], squares[known]), float)
     return bool(squares.max() >= LONE * squares.sum() > 0)
 
 
