@@ -38,12 +38,14 @@ EFFECT = Effect(
         ParameterSpec(
             "loss",
             "1/W",
-            -0.9,
+            -0.9999,
             1e3,
             scale="per_laser_power",
-            reason="at −1 the film oscillates by itself; light has raised the loss 30-fold (Gigan "
-            "et al., arXiv:quant-ph/0607068) and 120-fold (Gröblacher et al., arXiv:0705.1149); of "
-            "a force that relaxes in one time g is at most sQ/2, 1e3 for sP = 0.002 and Q = 1e6",
+            reason="at −1 the film oscillates by itself, and closer to it than 1e-4, where Q is "
+            "1e4 times that in the dark, the power would have to be as steady; light has raised "
+            "the loss 30-fold (Gigan et al., arXiv:quant-ph/0607068) and 120-fold (Gröblacher et "
+            "al., arXiv:0705.1149); of a force that relaxes in one time g is at most sQ/2, 1e3 for "
+            "sP = 0.002 and Q = 1e6",
         ),
     ),
     changes={"points": push},

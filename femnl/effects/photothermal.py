@@ -36,13 +36,13 @@ EFFECT = Effect(
         ParameterSpec(
             "loss",
             "1/W",
-            -0.9,
+            -0.9999,
             1e3,
             scale="per_laser_power",
-            reason="at −1 the delayed force of the heat makes the film oscillate by itself; it has "
-            "cooled a lever from 300 to 18 K, which takes 16 times the loss in the dark (Metzger & "
-            "Karrai, Nature 432, 1002 (2004)); for 1e3 see optical_spring, from which frequency "
-            "and loss alone do not tell it",
+            reason="at −1 the delayed force of the heat makes the film oscillate by itself, for "
+            "the last 1e-4 see optical_spring; it has cooled a lever from 300 to 18 K, which takes "
+            "16 times the loss in the dark (Metzger & Karrai, Nature 432, 1002 (2004)); for 1e3 "
+            "see optical_spring, from which frequency and loss alone do not tell it",
         ),
     ),
     changes={"points": heat},

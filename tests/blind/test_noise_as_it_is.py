@@ -184,3 +184,11 @@ def test_a_cause_does_not_stand_alone_where_a_likelier_one_predicts_a_block_badl
     assert found.verdict == "ambiguous"
     assert found.causes == ("nonlinear_readout",)
     assert {other.causes for other in found.alternatives} >= {("internal_resonance",)}
+
+
+def test_a_record_that_begins_with_a_fast_decay_is_compared_from_its_begin(tmp_path: Path) -> None:
+    # 15 dB in 3 s before the slow decay: the first points after the bend count with the fast piece
+    draw = Draw("decay", ("energy_exchange",), "beside unknown", "square-270um", 1463437962)
+    make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert ("energy_exchange",) in {one.causes for one in found.alternatives}, found.where

@@ -168,13 +168,21 @@ def _grown(
 
 
 def _meet(piece: Piece, near: Piece, step: int) -> bool:
-    """Whether two pieces meet, over what may lie between them, at the mean of their slopes."""
+    """Whether two pieces meet, over what may lie between them, at the mean of their slopes.
+
+    Where a record begins with a piece that falls much faster, a few points of that may count with
+    the other. After a plateau they would be those of a drive that dies in the filter.
+    """
     first, second = (piece, near) if step < 0 else (near, piece)
     expected = 0.5 * (first.slope + second.slope) * (second.begin - first.end)
     apart = abs(second.high - first.low - expected)
     # The ends of a line through n points are known to 2/√n of their scatter
     known = sum(2 * one.spread / np.sqrt(one.count) for one in (first, second))
-    return bool(apart < THRESHOLDS.wander + known)
+    misplaced = 0.0
+    if piece.first == 0 and piece.slope < near.slope:
+        interval = piece.duration / (piece.stop - 1)
+        misplaced = EDGE * interval * abs(first.slope - second.slope)
+    return bool(apart < THRESHOLDS.wander + known + misplaced)
 
 
 def _duration(found: Segmentation, members: Sequence[int]) -> float:
