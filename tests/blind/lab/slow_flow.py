@@ -15,10 +15,12 @@ STEPS = 40_000
 STRIDE = 0.05
 SETTLED = 1e-6
 """Most Runge–Kutta steps at each point of a sweep, in units of the amplitude's decay time, and the
-change in a step that ends them.
+change in a step of that size that ends them.
 
 Just past a fold a state lingers: a point that were taken there would be on no branch.
 """
+STABLE = 1.0
+"""Most phase in a step: beyond 2.8 Runge–Kutta steps grow without end."""
 IMPLICIT = 3
 """Rounds in which an implicit step is found."""
 FINE = 0.2
@@ -82,7 +84,7 @@ def _settle(a: Complex, b: Complex, coupled: bool, flow: Flow) -> None:
     for i in range(len(a)):
         reach = abs(delta[i]) + 3 * abs(cubic[i]) * abs(drive[i]) ** 2 + 1
         fine = np.ceil(rest[i] * reach / FINE)
-        steps[i] = rest[i] / fine if fine < np.inf else STRIDE
+        steps[i] = rest[i] / fine if fine < np.inf else min(STRIDE, STABLE / reach)
     largest = np.abs(drive).max()
     for n in range(STEPS):
         change = 0.0
@@ -136,6 +138,6 @@ def _settle(a: Complex, b: Complex, coupled: bool, flow: Flow) -> None:
                     total += rate if stage in (0, 3) else 2 * rate
                 a[i] = before + h / 6 * total
             if n % 10 == 9:
-                change = max(change, abs(a[i] - before))
+                change = max(change, abs(a[i] - before) * STRIDE / h)
         if n % 10 == 9 and change < SETTLED * largest:
             return
