@@ -17,7 +17,9 @@ HEXAGON = "hexagon-278um"
 PERFORATED = "perforated"
 HIDDEN = [
     pytest.param(Case("electrode", ("layer_thickness",), 2, DRUM), marks=pytest.mark.slow),
-    Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)),
+    pytest.param(
+        Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)), marks=pytest.mark.slow
+    ),
     pytest.param(
         Case("spectrum", ("frequency_drift",), 5, SQUARE, (10.0, 60.0)), marks=pytest.mark.slow
     ),
@@ -37,7 +39,8 @@ HIDDEN = [
     pytest.param(
         Case("holes", ("frequency_drift",), 525420673, PERFORATED), marks=pytest.mark.slow
     ),
-    Case("response", ("nonlinear_damping",), 381253685),  # a sweep jumps just behind a point
+    # a sweep jumps just behind a point
+    pytest.param(Case("response", ("nonlinear_damping",), 381253685), marks=pytest.mark.slow),
     Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)),
     pytest.param(Case("map", ("multilayer_fringe",), 2, SQUARE), marks=pytest.mark.slow),
     pytest.param(
@@ -53,7 +56,9 @@ HIDDEN = [
         Case("spectrum", ("added_mass",), 3, HEXAGON, (30.0, 60.0)), marks=pytest.mark.slow
     ),
     Case("decay", ("beating_pair",), 1, SQUARE, (20.0, 60.0)),
-    Case("decay", ("energy_exchange",), 1, SQUARE, (20.0, 60.0)),
+    pytest.param(
+        Case("decay", ("energy_exchange",), 1, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow
+    ),
     pytest.param(
         Case("decay", ("frequency_drift",), 1, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow
     ),
@@ -82,7 +87,9 @@ HIDDEN = [
 ]
 LACKING = [
     pytest.param(Case("electrode", ("layer_thickness",), 1, DRUM), marks=pytest.mark.slow),
-    Case("decay", ("energy_exchange",), 1, SQUARE, (100.0, 200.0)),
+    pytest.param(
+        Case("decay", ("energy_exchange",), 1, SQUARE, (100.0, 200.0)), marks=pytest.mark.slow
+    ),
     pytest.param(
         Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)), marks=pytest.mark.slow
     ),

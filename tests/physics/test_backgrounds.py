@@ -36,6 +36,7 @@ def test_the_flank_of_a_far_resonance_is_a_sloping_background(tmp_path: Path) ->
     assert (found.verdict, found.causes) == ("explained", ("sloping_background",)), names(found)
 
 
+@pytest.mark.slow
 def test_a_broad_resonance_within_the_sweeps_is_a_fano_background(tmp_path: Path) -> None:
     centre = 0.2 * SPAN
     found = BENCH.diagnose(tmp_path / "a.nc", beside(centre, 0.6 * SPAN, 0.05))

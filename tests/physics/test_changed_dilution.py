@@ -99,6 +99,7 @@ def test_mass_leaves_the_part_of_bending_as_it_is() -> None:
     assert changed == pytest.approx(losses({}), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_spring_of_gas_takes_energy_that_does_not_bend() -> None:
     causes = {"trapped_gas": {"pressure": 2e4, "escape_time": 100.0}}
     model = spectrum()

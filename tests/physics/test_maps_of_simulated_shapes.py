@@ -59,6 +59,7 @@ def test_hexagon_at_the_depth_of_the_paper_gives_back_its_212_nanometres() -> No
     assert found.chi2_reduced == pytest.approx(1, abs=0.04)
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 @pytest.mark.skipif(not DATA.exists(), reason="../shared/data is not there")
 def test_clamped_edge_of_the_simulated_shape_brings_the_size_of_the_shared_map_to_one() -> None:

@@ -118,7 +118,8 @@ def test_what_two_modes_of_a_pair_do_in_one_phase_is_one_partner(tmp_path: Path)
     assert min(turn, 1 / turn) == pytest.approx(0.5, abs=0.1)
 
 
-@pytest.mark.parametrize("share", [pytest.param(0.6, marks=pytest.mark.slow), 0.02])
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.6, 0.02])
 def test_a_partner_in_quadrature_is_told_from_a_drift_along_its_axis(
     share: float, tmp_path: Path
 ) -> None:
@@ -131,6 +132,7 @@ def test_a_partner_in_quadrature_is_told_from_a_drift_along_its_axis(
     assert abs(own["quadrature"].value) == pytest.approx(share, abs=4 * own["quadrature"].sd)
 
 
+@pytest.mark.slow
 def test_a_faint_partner_along_the_slow_axis_cannot_be_told_from_a_drift(tmp_path: Path) -> None:
     pair = {"partner": 1.0, "in_phase": 0.0, "quadrature": 0.004}
     found = told(tmp_path, {"doublet": pair})

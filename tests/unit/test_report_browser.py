@@ -81,8 +81,14 @@ def opened(
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1280, 400])
+@pytest.mark.parametrize(
+    ("width", "scheme"),
+    [
+        (1280, "light"),
+        (400, "dark"),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((1280, "dark"), (400, "light"))),
+    ],
+)
 def test_a_browser_shows_the_report_without_errors_or_sideways_scrolling(
     browser: Browser, report: Written, width: int, scheme: str
 ) -> None:
