@@ -25,7 +25,9 @@ def test_sweeps_with_glitches_alone_are_adequate_and_the_glitches_are_listed(
 @pytest.mark.parametrize(
     "draw",
     [
-        Draw("response", (), "glitches", "square-270um", 2448401542),
+        pytest.param(
+            Draw("response", (), "glitches", "square-270um", 2448401542), marks=pytest.mark.slow
+        ),
         Draw("record", (), "glitches", "square-270um", 1828458032),
         Draw("record", (), "correlated noise", "square-270um", 711921186),
         Draw("record", (), "wrong sd", "square-270um", 3496539343),

@@ -47,7 +47,9 @@ def pull(found: Diagnosis, owner: str, name: str, truth: float) -> float:
     return (parameter.value - truth) / parameter.sd
 
 
-@pytest.mark.parametrize("seed", [21, 22, 23, 24])
+@pytest.mark.parametrize(
+    "seed", [21, 22, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (23, 24))]
+)
 def test_one_mode_is_adequate_and_has_its_rate(seed: int, tmp_path: Path) -> None:
     found = told(tmp_path, seed)
     assert (found.verdict, found.causes) == ("adequate", ()), found.where

@@ -99,6 +99,7 @@ def test_another_film_or_a_focus_is_the_stack_and_no_stage(
     assert 1e-9 < found.parameters["multilayer_fringe"]["gap"].sd < 5e-9
 
 
+@pytest.mark.slow
 def test_motion_in_quadrature_is_told_from_crosstalk_and_from_drift(tmp_path: Path) -> None:
     found = told(tmp_path, {"mode_admixture": STILL | {"q1": 0.01, "q3": 0.02}})
     assert (found.verdict, found.causes) == ("explained", ("mode_admixture",))
@@ -109,6 +110,7 @@ def test_motion_in_quadrature_is_told_from_crosstalk_and_from_drift(tmp_path: Pa
     assert worse(found, "resonance_drift") > 30
 
 
+@pytest.mark.slow
 def test_what_two_modes_of_a_pair_do_in_one_phase_is_one_partner(tmp_path: Path) -> None:
     found = told(tmp_path, {"mode_admixture": STILL | {"q1": 0.01, "q2": 0.02}})
     assert (found.verdict, found.causes) == ("explained", ("doublet",))
