@@ -26,8 +26,8 @@ from femnl.io.results.cache import kept
 
 DRUM = ["modes", "circle", "--count", "1", "--resolution", "0.5"]
 
-STEP = re.compile(r".*(meshing|solving for [\d,]+ unknowns) … \d+ s")
-"""What a busy machine has time to tell of the solution."""
+STEP = re.compile(r".* … \d+ s")
+"""What a busy machine has time to tell of the step that it is at."""
 
 
 def femnl(

@@ -175,10 +175,6 @@ def sized(
             factor = {name: f**0.5 for name, f in factor.items()}
             hidden = {name: scaled(cause, factor[name]) for name, cause in before.items()}
             found = sizes(bench, base, hidden)
-        if any(f > 1 and found[name] < earlier[name] for name, f in factor.items()):
-            # Beyond what shows most, as a drift that takes the mode out of the sweeps
-            hidden = before
-            break
         for name, f in factor.items():  # some effects are of second order in their strength
             if abs(np.log(f)) > NEAR:
                 power[name] = float(
