@@ -34,8 +34,8 @@ def test_a_mode_far_from_resonance_settles_where_its_forces_balance(
     np.testing.assert_allclose(force, 1.0, atol=2e-3)
 
 
-def test_a_drift_is_no_stronger_than_shows_most() -> None:
-    # It takes the mode out of the sweeps; ten times as fast, hardly anything is left to see
+def test_a_drift_leaves_the_mode_within_the_sweeps() -> None:
+    # Eight times as fast it shows an eighth of that, and faster still nothing
     film = prepared(
         Draw("response", ("frequency_drift",), "correlated noise", "square-270um", 3810347706)
     )

@@ -334,9 +334,11 @@ def _readout(rng: np.random.Generator, bench: ResponseBench) -> Cause:
 
 
 def _drift(rng: np.random.Generator, bench: ResponseBench) -> Cause:
-    # A hundredth of a linewidth over all sweeps; the most, as of a chip that warms
+    # A hundredth of a linewidth over all sweeps; the most, as of a chip that warms, and over the
+    # span of the sweeps: a mode that has left them shows nothing
     rate = 1e-2 * bench.linewidth / (bench.f0 * 960.0)
-    return Cause({"rate": rate * sign(rng)}, ("rate",), 8e-7 / rate)
+    out = float(np.ptp(bench.frequency)) / (bench.f0 * 960.0)
+    return Cause({"rate": rate * sign(rng)}, ("rate",), min(8e-7, out) / rate)
 
 
 def _delay(rng: np.random.Generator, bench: ResponseBench) -> Cause:

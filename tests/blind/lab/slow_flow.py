@@ -20,7 +20,7 @@ change in a step of that size that ends them.
 Just past a fold a state lingers: a point that were taken there would be on no branch.
 """
 STABLE = 1.0
-"""Most phase in a step: beyond 2.8 Runge–Kutta steps grow without end."""
+"""Most phase in a Runge–Kutta step: beyond 2.8 such steps grow without end."""
 IMPLICIT = 3
 """Rounds in which an implicit step is found."""
 FINE = 0.2
@@ -84,7 +84,8 @@ def _settle(a: Complex, b: Complex, coupled: bool, flow: Flow) -> None:
     for i in range(len(a)):
         reach = abs(delta[i]) + 3 * abs(cubic[i]) * abs(drive[i]) ** 2 + 1
         fine = np.ceil(rest[i] * reach / FINE)
-        steps[i] = rest[i] / fine if fine < np.inf else min(STRIDE, STABLE / reach)
+        stride = STRIDE if coupled else min(STRIDE, STABLE / reach)
+        steps[i] = rest[i] / fine if fine < np.inf else stride
     largest = np.abs(drive).max()
     for n in range(STEPS):
         change = 0.0
