@@ -22,7 +22,7 @@ from femnl.core.contributions import (
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, Names
-from femnl.diagnose.discrepancy import idle
+from femnl.diagnose.done_by import idle
 from femnl.diagnose.joint import JointModel, Own
 from femnl.diagnose.shares import without
 from femnl.fits.least_squares import FitResult

@@ -4,8 +4,8 @@ import numpy as np
 
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
-from femnl.diagnose.discrepancy import changed_by, effects_of
 from femnl.diagnose.distortions import Distortions
+from femnl.diagnose.done_by import changed_by, effects_of
 from femnl.diagnose.portions import portions
 
 

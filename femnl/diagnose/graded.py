@@ -11,13 +11,8 @@ import numpy as np
 from femnl.core.effect import UNKNOWN, Effect
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, Names
-from femnl.diagnose.discrepancy import (
-    Discrepancy,
-    changed_by,
-    discrepancy,
-    effects_of,
-    log_evidence,
-)
+from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
+from femnl.diagnose.done_by import changed_by, effects_of
 from femnl.diagnose.rivals import may_imitate
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run
@@ -150,7 +145,7 @@ class Graded:
 
         The likeliest first, where nothing but equations may be inexact: what they leave is then a
         part of what they do, and a further cause must be likelier than that beyond doubt. A cause
-        that acts on one datum alone is beyond no doubt: anything may do that.
+        that acts on one datum alone is never beyond doubt: anything may do that.
         """
         fewer = [c for c in self.found if c.names and set(c.names) < set(best.names)]
         if not fewer:

@@ -11,8 +11,8 @@ from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.criticism import criticise
-from femnl.diagnose.discrepancy import done_by, done_by_each
 from femnl.diagnose.distortions import Distortions
+from femnl.diagnose.done_by import done_by, done_by_each
 from femnl.diagnose.search import refitted
 from femnl.diagnose.verdict import judge
 from femnl.diagnose.weighing import Weighed
@@ -239,7 +239,8 @@ def test_causes_that_cancel_make_no_room_for_what_is_unknown() -> None:
     )
     noise = np.random.default_rng(20261128).standard_normal(N)
     unknown = of_halves(0, 10 * np.sin(5 * PLACE[::2]))
-    model = Halves(STRONG * loss_shape() + unknown + noise, BLOCKS, 1e4)
+    true = STRONG * of_halves(PLACE[::2] + 1 / N, 0)
+    model = Halves(true + unknown + noise, BLOCKS, 1e4)
     sets = ((), (loss,), (mass,), (gas, mass), (loss, mass))
     found = [candidate(model, *effects) for effects in sets]
     both = found[3]
@@ -248,11 +249,6 @@ def test_causes_that_cancel_make_no_room_for_what_is_unknown() -> None:
     assert np.abs(second).max() < 30
     assert np.abs(done_by(both, found[0], gas)[N // 2 :]).max() > 0.9 * STRONG
     assert Weighed(found).graded.share["loss",] > 0.5
-
-
-def loss_shape() -> Array:
-    """Return what the true cause does, for a strength of 1."""
-    return of_halves(PLACE[::2] + 1 / N, 0)
 
 
 def test_causes_that_do_not_cancel_may_each_miss_what_they_do() -> None:
