@@ -18,6 +18,8 @@ MOST = 0.01
 """Steps that are tried first, where nothing is known of them, and allowed at all, in parts of the
 range.
 """
+ROUNDED = 16
+"""Least step in units of the last digit of a parameter: less may move it by nothing."""
 TRIES = 6
 """How often a step is mended."""
 
@@ -45,7 +47,8 @@ def tangents(model: ExtendedModel, vector: Array, at: Array, first: Array) -> tu
             again = (size <= 0.2 * TARGET) | (size >= 5 * TARGET)
             # A jump, as where two modes exchange labels, must not shrink the step to nothing.
             factor = np.where(again, np.clip(TARGET / np.maximum(size, 1e-300), 1e-4, 1e4), 1.0)
-            mended = np.clip(steps[place] * factor, LEAST * width[place], MOST * width[place])
+            least = np.maximum(LEAST * width[place], ROUNDED * np.spacing(np.abs(vector[place])))
+            mended = np.clip(steps[place] * factor, least, MOST * width[place])
             again &= mended != steps[place]
             if tries and again.any():
                 steps[place[again]] = mended[again]

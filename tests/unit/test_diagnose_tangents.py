@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from femnl import load
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent
 from femnl.core.readout import Array
 from femnl.effects import library
@@ -21,6 +22,7 @@ from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel
+from tests.unit.level import Level
 
 F0 = 2.9324e6
 WIDTH = 4.0
@@ -149,3 +151,17 @@ def test_latest_results_are_kept_and_the_oldest_given_up() -> None:
         assert kept(np.array([number]))[0] == 2 * number
     assert asked == [1.0, 2.0, 3.0, 2.0]
     assert kept(np.array([1.0, 2.0])).shape == (2,)
+
+
+def test_a_jump_at_a_sharp_frequency_leaves_a_step_that_moves_it() -> None:
+    # 1e-11 of a range of 1 Hz is less than the last digit of 2.9 MHz
+    def act(value: Array, values: Values) -> Array:
+        return value + 30 * (values["place"] > F0)
+
+    spec = ParameterSpec("place", "Hz", F0 - 0.5, F0 + 0.5)
+    jump = Effect("jump", "", (spec,), {"placement": act}, "", "", "")
+    model = ExtendedModel(Level(np.zeros(8), np.arange(8), 10.0), (jump,))
+    vector = np.array([0.0, F0])
+    steps, slopes = tangents(model, vector, model.residuals(vector), unknown(model))
+    assert F0 + steps[1] > F0
+    assert np.all(np.isfinite(slopes))
