@@ -208,15 +208,20 @@ class Graded:
         return None if best is None or may_imitate(best) else best
 
     def each_counts(self, candidate: Candidate) -> bool:
-        """Whether every one of several causes takes up more than what inexact equations miss."""
-        least = THRESHOLDS.least_share_each * (self.base.result.chi2 - self.base.result.degrees)
+        """Whether every one of several causes takes up what inexact equations would not miss.
+
+        And most of what the others leave: else it may take up a part of what no library has.
+        """
+        least = THRESHOLDS.least_share_each * _excess(self.base)
         fewer = [
             c
             for c in self.found
             if set(c.names) < set(candidate.names) and len(c.names) == len(candidate.names) - 1
         ]
         return len(candidate.names) == 1 or all(
-            c.result.chi2 - candidate.result.chi2 >= least for c in fewer
+            _excess(c) - _excess(candidate)
+            >= max(least, THRESHOLDS.least_share_of_rest * _excess(c))
+            for c in fewer
         )
 
     def inflation(self, candidate: Candidate) -> float:
@@ -227,6 +232,11 @@ class Graded:
         result = candidate.result
         scatter = result.chi2 / result.degrees * len(result.residuals) / self.allowed.pieces
         return float(np.sqrt(max(scatter, 1.0)))
+
+
+def _excess(candidate: Candidate) -> float:
+    """Return what a set leaves of χ² beyond noise."""
+    return candidate.result.chi2 - candidate.result.degrees
 
 
 def _acts_on_one(candidate: Candidate, base: Candidate, effect: Effect) -> bool:

@@ -155,6 +155,13 @@ class Thresholds:
         "to be named where they leave a significant remainder: less is within what equations miss",
         _REALISTIC,
     )
+    least_share_of_rest: float = _threshold(
+        0.78,
+        "part of what the others of several causes leave beyond noise that each must take up to be "
+        "named where they leave a significant remainder: beside a drive that does not follow and "
+        "something unknown, a slope took up 0.58 of the unknown",
+        _REALISTIC,
+    )
     least_share: float = _threshold(
         0.9,
         "part of the held-out excess χ² that causes must take up to be named where they leave a "

@@ -4,8 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from femnl import load
+from femnl.fits.response.first_fit import BENT, of_weak_sweeps
+from femnl.fits.response.fit import fit_response
 from femnl.fits.response.pose import pose
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
@@ -15,12 +18,12 @@ START = 100.0 * np.arange(8)
 RATE = -1.5e-9
 
 
-def drifting(bench: Bench, duration: float) -> Complex:
-    """Return sweeps that take so long [s], in either direction, while f₀ drifts."""
+def drifting(bench: Bench, duration: float, rate: float = RATE) -> Complex:
+    """Return sweeps that take so long [s], in either direction, while f₀ drifts by a rate [1/s]."""
     step = np.arange(bench.points)
     order = np.where(bench.direction[:, None] > 0, step, step[::-1])
     time = START[:, None] + duration * (order + 0.5) / bench.points
-    return bench.volts(bench.amplitude(F0 * (1 + RATE * time)))
+    return bench.volts(bench.amplitude(F0 * (1 + rate * time)))
 
 
 @pytest.mark.parametrize(
@@ -59,3 +62,38 @@ def test_each_point_has_its_time_whichever_way_the_sweep_went() -> None:
     np.testing.assert_allclose(up, 5.0 + 10 * np.delete(np.arange(11), 4))
     np.testing.assert_allclose(down, 200 + 10 + 20 * np.arange(11)[::-1])
     np.testing.assert_allclose(unknown, 555.0)
+
+
+FALLING = Bench(width=1.0, stretch=1.0, wide=30.0)
+"""All its sweeps together bend downwards as it drifts by 2.5 Hz a sweep; each alone stiffens."""
+
+
+def falling() -> xr.Dataset:
+    return FALLING.measured(drifting(FALLING, 100.0, rate=-2.5 / 100.0 / F0), time=START)
+
+
+def test_sweeps_one_by_one_tell_that_a_film_stiffens_which_drifts_down_as_the_drive_grows() -> None:
+    sweeps = falling()
+    softer = fit_response(
+        sweeps, background="none", delay=True, phase_sign=1, fixed={"alpha_ratio": -20.0}
+    )
+    found = of_weak_sweeps(sweeps, softer, "alpha_y", 1)
+    assert found is not None
+    assert found["alpha_y"] > 0
+    assert found["linewidth"] == pytest.approx(FALLING.width, rel=0.1)
+    straight = FALLING.peak * FALLING.drives[:, None] / (1 + 2j * (FALLING.frequency - F0))
+    linear = FALLING.measured(FALLING.volts(straight))
+    assert of_weak_sweeps(linear, softer, "alpha_y", 1) is None
+
+
+@pytest.mark.slow
+def test_a_mode_that_drifts_down_while_the_drive_grows_does_not_soften() -> None:
+    sweeps = falling()
+    together = fit_response(sweeps, background="none", duffing=True, delay=True, phase_sign=1)
+    assert together["alpha_y"] < 0
+    assert together.chi2_reduced > BENT
+    posed = pose(sweeps, SimulatedFilm(load("square-270um"), 12))
+    assert not posed.softens
+    frequency, width, *_ = posed.start
+    assert F0 - 20.0 < frequency < F0 + FALLING.width
+    assert width == pytest.approx(FALLING.width, rel=0.1)

@@ -21,8 +21,8 @@ strong drives may show something else than the mode.
 """
 CERTAIN = 5.0
 SHOWN = 0.1
-"""Standard deviations of a stiffening at the weakest drive that is believed, and its part of the
-critical one where a misfit that is plain there, too, withholds them.
+"""Standard deviations of a stiffening of weak sweeps that is believed, and its part of the critical
+one where a misfit that is plain there, too, withholds them.
 """
 
 
@@ -46,7 +46,7 @@ def first_fit(
     def find() -> tuple[Array, Array]:
         sign = sign_of_phase(clear, first_layout(clear, "complex"))
         fitted, background = _fitted(dataset, sign, place, clear.reference)
-        weak = of_weakest_drive(dataset, fitted, names[2], sign) if background == 0 else None
+        weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
         hidden = background > 0 or weak is not None
         found = [(weak or fitted)[name] for name in names]
         return np.array([*found, background, float(hidden)]), np.array([sign])
@@ -100,24 +100,41 @@ def _without_background(dataset: xr.Dataset, sign: int) -> Fit:
     return min(found, key=lambda one: one.chi2_reduced)
 
 
-def of_weakest_drive(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) -> Fit | None:
-    """Return a fit to the weakest drive where only that shows how the mode stiffens.
+def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) -> Fit | None:
+    """Return a fit to weak sweeps where only they show that the mode stiffens.
 
     A readout that bends over several fringes makes sweeps at strong drives look as if they
-    softened, and no fit leads from there to the other sign. None where the fit to all drives may be
-    right, or where the weakest tells no other sign.
+    softened, and so does a mode that drifts downwards while the drive is raised. No fit leads from
+    there to the other sign. Those at the weakest drive are asked first, then each sweep alone, the
+    weaker ones first, until one whose fit is not bent, either, is sure of a sign.
+
+    None where the fit to all drives may be right, or where no sweep is sure that the mode stiffens.
 
     Args: fitted: to all drives. stiffness: the name of α in fits.
     """
-    drive = np.abs(dataset["drive"].values)
-    if fitted.chi2_reduced < BENT or fitted[stiffness] > 0 or np.ptp(drive) == 0:
+    if fitted.chi2_reduced < BENT or fitted[stiffness] > 0:
         return None
-    weakest = dataset.isel(sweep=np.flatnonzero(drive == drive.min()))
-    weak = _without_background(weakest, sign)
-    found = weak.parameters[stiffness]
-    told = np.isfinite(found.sd)
-    stiffens = found.value > CERTAIN * found.sd if told else weak["alpha_ratio"] > SHOWN
-    return weak if stiffens and weak.chi2_reduced < fitted.chi2_reduced / BENT else None
+    drive = np.abs(dataset["drive"].values)
+    weakest = np.flatnonzero(drive == drive.min())
+    if len(weakest) < len(drive):
+        weak = _without_background(dataset.isel(sweep=weakest), sign)
+        told = np.isfinite(weak.parameters[stiffness].sd)
+        shown = _surely(weak, stiffness) if told else weak["alpha_ratio"] > SHOWN
+        if shown > 0 and weak.chi2_reduced < fitted.chi2_reduced / BENT:
+            return weak
+    for row in np.argsort(drive, kind="stable") if len(drive) > 1 else ():
+        alone = _without_background(dataset.isel(sweep=[row]), sign)
+        if alone.chi2_reduced < BENT and _surely(alone, stiffness):
+            return alone if alone[stiffness] > 0 else None
+    return None
+
+
+def _surely(fitted: Fit, stiffness: str) -> int:
+    """Return the sign of α, 0 where a fit is not sure of it or gives no standard deviation."""
+    found = fitted.parameters[stiffness]
+    if not np.isfinite(found.sd):
+        return 0
+    return int(np.sign(found.value)) if abs(found.value) > CERTAIN * found.sd else 0
 
 
 def _leak(fitted: Fit, place: str, reference: float) -> float:
