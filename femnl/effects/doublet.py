@@ -32,9 +32,9 @@ EFFECT = Effect(
     accuracy_reason="shapes of the film as designed",
     imitates={
         "map": {
+            "mode_admixture": 1.0,
             "resonance_drift": 1.0,
             "multilayer_fringe": 0.59,
-            "mode_admixture": 0.57,
             "stage_scale": 0.56,
             "stage_rotation": 0.56,
             UNKNOWN: 0.42,
