@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -31,6 +31,21 @@ EFFECT = Effect(
     name="added_mass",
     accuracy=0.01,
     accuracy_reason="a particle is no point: over 1 % of the film ξ² varies by a percent",
+    imitates={
+        "spectrum": {
+            "aspect_ratio": 0.96,
+            "stress_anisotropy": 0.96,
+            "yielding_edge": 0.96,
+            "trapped_gas": 0.92,
+            "frame_mode": 0.83,
+            "tension_gradient": 0.77,
+            "bending_stiffness": 0.72,
+            "shear_stress": 0.66,
+            "frequency_drift": 0.6,
+            "compliant_clamp": 0.59,
+            UNKNOWN: 0.98,
+        }
+    },
     equation="M → M + Δm ξ(x₀) ξ(x₀)ᵀ/(1 − ω²ΔmG); to first order Δf/f = −½ Δm ξ²(x₀)/m_eff",
     parameters=(
         ParameterSpec(

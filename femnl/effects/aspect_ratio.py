@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -18,6 +18,15 @@ EFFECT = Effect(
     name="aspect_ratio",
     accuracy=0.005,
     accuracy_reason="corners and walls of an etch are straight to a percent of what it adds",
+    imitates={
+        "spectrum": {
+            "stress_anisotropy": 1.0,
+            "yielding_edge": 1.0,
+            "added_mass": 0.92,
+            "trapped_gas": 0.67,
+            UNKNOWN: 0.35,
+        }
+    },
     equation="Lx → Lx(1 + e/2), Ly → Ly/(1 + e/2)",
     parameters=(
         ParameterSpec(

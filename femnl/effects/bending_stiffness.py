@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -15,6 +15,7 @@ EFFECT = Effect(
     name="bending_stiffness",
     accuracy=0.02,
     accuracy_reason="the layer at the clamp, and how thickness varies over a film",
+    imitates={"spectrum": {"hole_dispersion": 0.92, UNKNOWN: 0.1}},
     equation="f² → (c/2π)² (k² + ℓ²k⁴), ℓ² = ℓ₀² + s, ℓ = h √(E/12(1 − ν²)σ), ℓ₀ from the geometry",
     parameters=(
         ParameterSpec(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Lines
 
 
@@ -23,6 +23,7 @@ EFFECT = Effect(
     name="clamp_loss",
     accuracy=0.3,
     accuracy_reason="the chip is a half-space without modes of its own",
+    imitates={"spectrum": {UNKNOWN: 0.0}},
     equation="1/Q → 1/Q + a [(f/f₁)³ H + b² (f/f₁)⁵ (X + Y)], H, X, Y = (∫φξ)²/(∫φ² ∫ξ²) with "
     "φ = 1, x, y; of a square H = 64/(π⁴m²n²) for m and n odd",
     parameters=(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.memo import recent
 from femnl.core.readout import Array
 from femnl.core.stages import ModalSystem
@@ -103,6 +103,16 @@ EFFECT = Effect(
     name="compliant_clamp",
     accuracy=0.05,
     accuracy_reason="an edge that yields alike all around; a ledge is no row of springs",
+    imitates={
+        "spectrum": {
+            "aspect_ratio": 1.0,
+            "yielding_edge": 1.0,
+            "stress_anisotropy": 0.96,
+            "hole_dispersion": 0.68,
+            "bending_stiffness": 0.6,
+            UNKNOWN: 0.31,
+        }
+    },
     equation="edge w = 0 → −δ ∂w/∂n, δ = T/springs per length: kL + 2 atan k(δ − ℓ) = mπ, less "
     "2δ/L of all modes where the speed of waves is not known; s = (δ − ℓ)³ + ℓ³",
     parameters=(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import Lines
 
 MOTIONS = ("heave", "tilt_x", "tilt_y")
@@ -42,6 +42,23 @@ EFFECT = Effect(
     name="frame_mode",
     accuracy=0.05,
     accuracy_reason="a frame that moves rigidly, and one mode of it",
+    imitates={
+        "spectrum": {
+            "gas_damping": 0.93,
+            "compliant_clamp": 0.86,
+            "tension_gradient": 0.78,
+            "gas_loading": 0.73,
+            "clamp_loss": 0.7,
+            "trapped_gas": 0.7,
+            "yielding_edge": 0.67,
+            "hole_dispersion": 0.65,
+            "added_mass": 0.63,
+            "bending_stiffness": 0.63,
+            "aspect_ratio": 0.56,
+            "shear_stress": 0.51,
+            UNKNOWN: 1.0,
+        }
+    },
     equation="(f² − λ)(f_F²(1 + i/Q_F) − λ) = λ²μ², λ = f²(1 + i/Q); close to it f + g²/Δ with "
     "g = fμ/2; μ² = Σ_φ r_φ² (∫ρhφξ)²/(∫ρhφ² ∫ρhξ²), φ = 1, x, y",
     parameters=(

@@ -38,7 +38,16 @@ EFFECT = Effect(
     name="frequency_drift",
     accuracy=0.1,
     accuracy_reason="linear in time; drifts relax and wander",
-    imitates={"response": {UNKNOWN: 0.14}, "series": {UNKNOWN: 0.01}},
+    imitates={
+        "response": {UNKNOWN: 0.14},
+        "series": {UNKNOWN: 0.01},
+        "spectrum": {
+            "compliant_clamp": 0.6,
+            "tension_gradient": 0.57,
+            "aspect_ratio": 0.5,
+            UNKNOWN: 0.19,
+        },
+    },
     equation="f → f (1 + r (t − t₀)), t₀ the first acquisition; in sweeps, t of each point",
     parameters=(
         ParameterSpec(

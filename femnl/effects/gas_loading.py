@@ -38,7 +38,15 @@ EFFECT = Effect(
     name="gas_loading",
     accuracy=0.03,
     accuracy_reason="no viscosity, holes count as film; Lamb's term is exact for an open rim",
-    imitates={"series": {UNKNOWN: 0.1}},
+    imitates={
+        "series": {UNKNOWN: 0.1},
+        "spectrum": {
+            "bending_stiffness": 0.64,
+            "hole_dispersion": 0.62,
+            "yielding_edge": 0.56,
+            UNKNOWN: 0.45,
+        },
+    },
     equation="M → M + ρ_g (∫∫ξξ′/(2πr) + ∫ξ² coth(kd)/k), d the gap to the wafer; with no wafer "
     "twice the first term",
     parameters=(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -19,6 +19,7 @@ EFFECT = Effect(
     name="hole_dispersion",
     accuracy=0.05,
     accuracy_reason="the next order in (ka)²",
+    imitates={"spectrum": {"bending_stiffness": 0.98, UNKNOWN: 0.38}},
     equation="f → f (1 − βa² k²), a the pitch of the holes, β beyond that of the simulated holes",
     parameters=(
         ParameterSpec(

@@ -1,6 +1,6 @@
 """In-plane shear of the film stress."""
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -13,6 +13,14 @@ EFFECT = Effect(
     name="shear_stress",
     accuracy=0.005,
     accuracy_reason="shear that is the same all over the film",
+    imitates={
+        "spectrum": {
+            "aspect_ratio": 1.0,
+            "stress_anisotropy": 1.0,
+            "added_mass": 0.56,
+            UNKNOWN: 0.47,
+        }
+    },
     equation="σxy = s σ",
     parameters=(
         ParameterSpec(

@@ -1,6 +1,6 @@
 """Film stress that differs along x and y."""
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -13,6 +13,15 @@ EFFECT = Effect(
     name="stress_anisotropy",
     accuracy=0.005,
     accuracy_reason="stress that is the same all over the film",
+    imitates={
+        "spectrum": {
+            "aspect_ratio": 1.0,
+            "yielding_edge": 1.0,
+            "added_mass": 0.92,
+            "trapped_gas": 0.68,
+            UNKNOWN: 0.35,
+        }
+    },
     equation="σx = σ(1 + a/2), σy = σ(1 − a/2)",
     parameters=(
         ParameterSpec(

@@ -1,6 +1,6 @@
 """Film stress that varies over the film."""
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 LARGEST = 0.05
@@ -22,6 +22,21 @@ EFFECT = Effect(
     name="tension_gradient",
     accuracy=0.05,
     accuracy_reason="second order in x and y",
+    imitates={
+        "spectrum": {
+            "compliant_clamp": 0.98,
+            "aspect_ratio": 0.94,
+            "shear_stress": 0.86,
+            "trapped_gas": 0.76,
+            "added_mass": 0.73,
+            "frame_mode": 0.71,
+            "stress_anisotropy": 0.7,
+            "yielding_edge": 0.67,
+            "hole_dispersion": 0.58,
+            "frequency_drift": 0.5,
+            UNKNOWN: 0.6,
+        }
+    },
     equation="deposited σ → σ (1 + gx x/R + gy y/R + b (x² + y²)/R²); in equilibrium "
     "∇·(σ I + C ε(u)) = 0, u = 0 at the clamp",
     parameters=(

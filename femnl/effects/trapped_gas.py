@@ -56,7 +56,10 @@ EFFECT = Effect(
     name="trapped_gas",
     accuracy=0.1,
     accuracy_reason="one time constant for the gas under each mode",
-    imitates={"series": {"gas_damping": 0.98, UNKNOWN: 0.02}},
+    imitates={
+        "series": {"gas_damping": 0.98, UNKNOWN: 0.02},
+        "spectrum": {"gas_damping": 1.0, UNKNOWN: 0.72},
+    },
     equation="ω² → ω² + (np/ρhd) (ωτ)²/(1 + (ωτ)²), 1/Q → 1/Q + (np/ρhdω²) ωτ/(1 + (ωτ)²), "
     "τ = 1/(Dk²) the time in which gas leaves from under a mode, d the gap",
     parameters=(

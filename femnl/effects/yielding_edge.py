@@ -1,6 +1,6 @@
 """An edge that yields in the plane of the film."""
 
-from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.effect import UNKNOWN, Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 from femnl.core.tension import YIELDS_MOST, yielding
 
@@ -18,6 +18,16 @@ EFFECT = Effect(
     name="yielding_edge",
     accuracy=0.05,
     accuracy_reason="springs alike all around",
+    imitates={
+        "spectrum": {
+            "aspect_ratio": 1.0,
+            "stress_anisotropy": 1.0,
+            "tension_gradient": 0.85,
+            "compliant_clamp": 0.75,
+            "added_mass": 0.61,
+            UNKNOWN: 0.15,
+        }
+    },
     equation="∇·(σ I + C ε(u)) = 0 with S·n = −(E/λ)(u_n n + ½(1 − ν) u_t t) at the edge",
     parameters=(
         ParameterSpec(
