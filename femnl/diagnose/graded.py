@@ -169,7 +169,7 @@ class Graded:
     def left_in_part(self) -> list[Candidate]:
         """Return sets of which one is right beyond doubt, though none is alone, likeliest first.
 
-        What a further cause adds to one of them that does not count speaks for that set as well.
+        What a further cause adds to one of them that does not count speaks for that set, too.
         There are none where one of them seems to imitate what the library lacks, and where there
         would be more than a reader is told.
         """
@@ -179,14 +179,27 @@ class Graded:
         for candidate in ranked:
             if not candidate.names or may_imitate(candidate):
                 return []
-            if self.each_counts(candidate) and len(sets) <= THRESHOLDS.most_rivals:
-                sets.append(candidate)
-            elif not any(set(known.names) < set(candidate.names) for known in sets):
+            smaller = [one for one in sets if set(one.names) < set(candidate.names)]
+            counting = candidate if self.each_counts(candidate) else None
+            counting = counting or next(iter(smaller), None) or self._that_count(candidate)
+            if counting is None:
+                return []
+            if all(one is not counting for one in sets):
+                sets.append(counting)
+            if len(sets) > THRESHOLDS.most_rivals + 1:
                 return []
             total += self.share.get(candidate.names, 0.0)
             if total >= self.least_inclusion:
                 return sets
         return []
+
+    def _that_count(self, candidate: Candidate) -> Candidate | None:
+        """Return the causes of a set that count, as fitted without the others; None without any."""
+        fewer = [c for c in self.found if c.names and set(c.names) < set(candidate.names)]
+        sets = [c for c in fewer if not c.stuck and self.each_counts(c)]
+        best = min(sets, key=lambda c: c.result.chi2, default=None)
+        least = THRESHOLDS.least_share_each * _excess(self.base)
+        return None if best is None or _excess(best) - _excess(candidate) >= least else best
 
     @cached_property
     def beyond_doubt(self) -> Candidate | None:

@@ -20,6 +20,7 @@ EFFECT = Effect(
     accuracy_reason="corners and walls of an etch are straight to a percent of what it adds",
     imitates={
         "spectrum": {
+            "shear_stress": 1.0,
             "stress_anisotropy": 1.0,
             "yielding_edge": 1.0,
             "added_mass": 0.92,

@@ -16,6 +16,7 @@ EFFECT = Effect(
     imitates={
         "spectrum": {
             "aspect_ratio": 1.0,
+            "shear_stress": 1.0,
             "yielding_edge": 1.0,
             "added_mass": 0.92,
             "trapped_gas": 0.68,
