@@ -44,7 +44,7 @@ def conclude(
 
     Args: file, digest: of the measurement. found: what was fitted, the base model first. notes:
         of the model and its effects. run: does what does not wait for each other. considered: names
-        of the effects that were.
+        of the effects that were, or that the device cannot have.
     """
     judged = judge(found, run, considered)
     base = found[0]

@@ -37,7 +37,8 @@ ACCURACIES = 2.0
 class Graded:
     """Fitted candidates, the base model first, with a discrepancy in each.
 
-    run: does what does not wait for each other. considered: names of the effects that were.
+    run: does what does not wait for each other. considered: names of the effects that were, or that
+    the device cannot have.
     """
 
     found: list[Candidate]

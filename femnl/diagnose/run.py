@@ -28,8 +28,11 @@ from femnl.diagnose.verdict import NOISE_IS_LARGER
 from femnl.diagnose.worker_pool import Pose, Posed, Run, WorkerPool, worker_pool
 from femnl.effects import fingerprint
 from femnl.io import measurement
+from femnl.observe.model import MeasurementModel
 from femnl.observe.noisy import FoundNoise
 
+OF_DEVICES = frozenset({"pitch_square", "layer_thickness"})
+"""Scales that a measurement lacks only where its device has no holes, or no layers."""
 SEARCHES = 3
 """Searches at most: where the best set of causes shows other noise than was known, causes are
 sought again with that.
@@ -92,8 +95,7 @@ def _diagnosed(
                 break
             noise = seen
         notes = (*tree.attrs.get("repairs", ()), *_notes(found, pool))
-        usable = found[0].result.model.base_model.usable_effects(pool)
-        names = frozenset(effect.name for effect in usable)
+        names = decided(pool, found[0].result.model.base_model)
         concluded = conclude(str(path), digest, found, notes, run, names)
         factor = 1.0
         if concluded.rule in NOISE_IS_LARGER:
@@ -104,6 +106,13 @@ def _diagnosed(
             noise=told_noise(best.result, noise, factor),
         )
     return replace(noisy, geometry=geometry, model=model)
+
+
+def decided(pool: list[Effect], model: MeasurementModel) -> frozenset[str]:
+    """Return the names of effects that were sought, or that the device cannot have."""
+    absent = OF_DEVICES - model.scales.keys()
+    sought = {effect.name for effect in model.usable_effects(pool)}
+    return frozenset(sought | {effect.name for effect in pool if absent & set(effect.needs)})
 
 
 def _notes(found: list[Candidate], effects: list[Effect]) -> tuple[str, ...]:

@@ -218,7 +218,8 @@ def judge(
 ) -> Judgement:
     """Return the verdict of the first rule that applies; the first candidate is the base model.
 
-    considered: names of the effects that were.
+    considered: names of the effects that were, or that
+    the device cannot have.
     """
     weighed = Weighed(found, run, considered)
     for rule in RULES:

@@ -26,7 +26,8 @@ from femnl.diagnose.worker_pool import Run, in_turn
 class Weighed:
     """Fitted candidates, the base model first, with what the rules ask of them.
 
-    run: does what does not wait for each other. considered: names of the effects that were.
+    run: does what does not wait for each other. considered: names of the effects that were, or that
+    the device cannot have.
     """
 
     found: list[Candidate]

@@ -1,0 +1,56 @@
+"""Causes that are named though something is left: several of them, or one of several alike."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femnl.diagnose.run import decided
+from femnl.diagnose.verdict import judge
+from tests.unit.level import Level
+from tests.unit.test_inexact_equations import BLOCKS, PLACE, STRONG, N, candidate, cause
+
+
+@pytest.mark.parametrize(("wave", "named"), [(8.0, ("line", "parabola")), (31.0, ("line",))])
+def test_a_further_cause_takes_up_most_of_what_the_others_leave(
+    wave: float, named: tuple[str, ...]
+) -> None:
+    """A wave is what no library has, and a parabola may be a part of that."""
+    noise = np.random.default_rng(20261129).standard_normal(N)
+    data = STRONG * PLACE + 90.0 * PLACE**2 + wave * np.sin(25 * PLACE) + noise
+    model = Level(data, np.arange(N) % 6, 1e4, {"any swing": PLACE**3})
+    line, parabola = (cause(name, k, 0.001) for name, k in (("line", 1), ("parabola", 2)))
+    sets = ((), (line,), (parabola,), (line, parabola))
+    judged = judge([candidate(model, *effects) for effects in sets])
+    assert (judged.verdict, judged.chosen.names) == ("explained in part", named)
+
+
+@pytest.mark.parametrize("wave", [8.0, 200.0])
+def test_one_of_several_like_causes_is_told_whatever_a_further_one_adds_to_each(
+    wave: float,
+) -> None:
+    """The likeliest sets have a parabola, too, which takes up too little to count."""
+    noise = np.random.default_rng(20261130).standard_normal(N)
+    data = STRONG * PLACE + 40.0 * PLACE**2 + wave * np.sin(25 * PLACE) + noise
+    model = Level(data, np.arange(N) % 6, 1e4, {"any swing": PLACE**3})
+    line, like = (cause(name, 1, 0.001) for name in ("line", "like"))
+    parabola = cause("parabola", 2, 0.001)
+    sets = ((), (line,), (like,), (parabola,), (line, parabola), (like, parabola))
+    judged = judge([candidate(model, *effects) for effects in sets])
+    if wave > STRONG / 2:
+        assert judged.verdict == "unexplained"
+        return
+    assert judged.verdict == "ambiguous"
+    told = {judged.chosen.names, *(rival.names for rival in judged.rivals)}
+    assert told == {("line",), ("like",)}
+
+
+def test_what_a_device_cannot_have_is_decided_and_what_was_not_recorded_is_not() -> None:
+    """A film without holes is not dispersed by holes; without pressures, gas may be there."""
+    model = Level(np.zeros(N), BLOCKS, 1e4)
+    holes, timed, gas = (
+        replace(cause(need, 1, 0.01), needs=(need,))
+        for need in ("pitch_square", "time", "highest_pressure")
+    )
+    assert model.usable_effects([holes, timed, gas]) == [timed]
+    assert decided([holes, timed, gas], model) == {"pitch_square", "time"}
