@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from femnl.core.errors import GeometryError
 from femnl.core.outline import Outline, Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.booleans import Operation, Region, combine
@@ -56,7 +57,12 @@ def shapes(draw: st.DrawFn) -> Loop:
 @given(shapes(), shapes())
 def test_areas_add_up(one: Loop, other: Loop) -> None:
     areas = [curves.area(outline(s)) for s in (one, other)]
-    union = total("add", one, other)
+    try:
+        union = total("add", one, other)
+    except GeometryError as refused:
+        # Curves that nearly touch are refused in one line, as their crossings are not known
+        assume("touch without crossing" not in str(refused))
+        raise
     both = total("intersect", one, other)
     rest = total("subtract", one, other)
     # Slits thinner than the chords show are no area of either
