@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from femnl.core.errors import GeometryError
 from femnl.core.outline import Outline, Segment
@@ -30,6 +31,8 @@ TANGENT = 1e-4
 FAR = 1e-3
 """Of the extent: curves that meet farther than this from where their chords meet are a mistake."""
 NEWTON = 30
+BESIDE = 3
+"""Chords on either side of where chords meet, within which curves that nearly touch may cross."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,8 @@ def _directed(
 def _meeting(a: Segment, b: Segment, near: Array, extent: float) -> tuple[float, float]:
     """Return where two curves meet near a point.
 
-    An end that both share, else by Newton's method where they cross, else an end of one of them.
+    An end that both share, else by Newton's method where they cross, else the nearest end if it is
+    on both, else a crossing of curves that nearly touch, else the nearest end.
     """
     ends = [np.asarray(p) for p in (a.start, a.end, b.start, b.end)]
     close = [p for p in ends if np.hypot(*(p - near)) < 4 * SNAP * extent]
@@ -176,11 +180,40 @@ def _meeting(a: Segment, b: Segment, near: Array, extent: float) -> tuple[float,
     on_both = max(_off(a, point), _off(b, point)) < SNAP * extent
     if not on_both or np.hypot(*(point - near)) > FAR * extent:
         point = min(ends, key=lambda p: float(np.hypot(*(p - near))))
-        if max(_off(a, point), _off(b, point)) > FAR * extent:
+        off = max(_off(a, point), _off(b, point))
+        crossing = _slight_crossing(a, b, near) if off > SNAP * extent else None
+        if crossing is not None:
+            return float(crossing[0]), float(crossing[1])
+        if off > FAR * extent:
             raise GeometryError(
                 f"[outline] two curves touch without crossing near {place(near)}; let them overlap"
             )
     return float(point[0]), float(point[1])
+
+
+def _slight_crossing(a: Segment, b: Segment, near: Array) -> Array | None:
+    """Return where two curves that nearly touch cross nearest to a point, None where they do not.
+
+    Between two such crossings the curves are parallel, and Newton's method has no direction.
+    """
+    arc, other = (b, a) if a.centre is None else (a, b)
+    if arc.centre is None:
+        return None
+    frame, centre = arc.frame, np.asarray(arc.centre)
+    x, y = np.linalg.solve(frame, near - centre)
+    beside = 2 * np.pi / CHORDS * np.linspace(-BESIDE, BESIDE, 32 * BESIDE + 1)
+    angles = np.arctan2(y, x) + beside
+
+    def along(angle: float) -> Array:
+        return np.asarray(centre + frame @ (np.cos(angle), np.sin(angle)))
+
+    def level(angle: float) -> float:
+        return _level(other, along(angle))[0]
+
+    levels = np.array([level(angle) for angle in angles])
+    changes = np.flatnonzero(levels[:-1] * levels[1:] < 0)
+    crossings = [along(brentq(level, angles[k], angles[k + 1], xtol=1e-15)) for k in changes]
+    return min(crossings, key=lambda p: float(np.hypot(*(p - near))), default=None)
 
 
 def _off(segment: Segment, point: Array) -> float:
