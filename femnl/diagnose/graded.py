@@ -181,8 +181,9 @@ class Graded:
             if not candidate.names or may_imitate(candidate):
                 return []
             smaller = [one for one in sets if set(one.names) < set(candidate.names)]
-            counting = candidate if self.each_counts(candidate) else None
-            counting = counting or next(iter(smaller), None) or self._that_count(candidate)
+            counting: Candidate | None = candidate
+            if not self.each_counts(candidate):
+                counting = smaller[0] if smaller else self._that_count(candidate)
             if counting is None:
                 return []
             if all(one is not counting for one in sets):

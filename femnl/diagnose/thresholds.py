@@ -158,8 +158,8 @@ class Thresholds:
     least_share_of_rest: float = _threshold(
         0.78,
         "part of what the others of several causes leave beyond noise that each must take up to be "
-        "named where they leave a significant remainder: beside a drive that does not follow and "
-        "something unknown, a slope took up 0.58 of the unknown",
+        "named where they leave a significant remainder: beside something unknown, a slope took up "
+        "0.58 of what a drive that does not follow left",
         _REALISTIC,
     )
     least_share: float = _threshold(

@@ -218,8 +218,7 @@ def judge(
 ) -> Judgement:
     """Return the verdict of the first rule that applies; the first candidate is the base model.
 
-    considered: names of the effects that were, or that
-    the device cannot have.
+    considered: names of the effects that were, or that the device cannot have.
     """
     weighed = Weighed(found, run, considered)
     for rule in RULES:

@@ -118,23 +118,23 @@ def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) 
     weakest = np.flatnonzero(drive == drive.min())
     if len(weakest) < len(drive):
         weak = _without_background(dataset.isel(sweep=weakest), sign)
-        told = np.isfinite(weak.parameters[stiffness].sd)
-        shown = _surely(weak, stiffness) if told else weak["alpha_ratio"] > SHOWN
-        if shown > 0 and weak.chi2_reduced < fitted.chi2_reduced / BENT:
+        untold = not np.isfinite(weak.parameters[stiffness].sd)
+        stiffens = weak["alpha_ratio"] > SHOWN if untold else _sure_sign(weak, stiffness) > 0
+        if stiffens and weak.chi2_reduced < fitted.chi2_reduced / BENT:
             return weak
     for row in np.argsort(drive, kind="stable") if len(drive) > 1 else ():
         alone = _without_background(dataset.isel(sweep=[row]), sign)
-        if alone.chi2_reduced < BENT and _surely(alone, stiffness):
-            return alone if alone[stiffness] > 0 else None
+        sign_of_stiffness = _sure_sign(alone, stiffness)
+        if alone.chi2_reduced < BENT and sign_of_stiffness:
+            return alone if sign_of_stiffness > 0 else None
     return None
 
 
-def _surely(fitted: Fit, stiffness: str) -> int:
+def _sure_sign(fitted: Fit, stiffness: str) -> int:
     """Return the sign of α, 0 where a fit is not sure of it or gives no standard deviation."""
     found = fitted.parameters[stiffness]
-    if not np.isfinite(found.sd):
-        return 0
-    return int(np.sign(found.value)) if abs(found.value) > CERTAIN * found.sd else 0
+    sure = np.isfinite(found.sd) and abs(found.value) > CERTAIN * found.sd
+    return int(np.sign(found.value)) if sure else 0
 
 
 def _leak(fitted: Fit, place: str, reference: float) -> float:
