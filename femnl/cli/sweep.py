@@ -74,6 +74,7 @@ def command(
             with progress(before.points, "points") as tell:
                 run(sweep, store, solve, _counted(tell, before), pilots=estimate)
         except KeyboardInterrupt:
+            store.reread()
             after = costs(sweep, store)
             note(
                 f"{path}: {after.points - after.missing} of {after.points} points are kept; the "

@@ -63,11 +63,27 @@ class Store:
     One process at a time holds a store.
     """
 
-    def __init__(self, path: Path, file: IO[bytes], seed: int, records: dict[str, Record]) -> None:
+    def __init__(
+        self, path: Path, file: IO[bytes], settings: Settings, seed: int | None = None
+    ) -> None:
         self.path = path
-        self.seed = seed
-        self.records = records
         self._file = file
+        self._settings = settings
+        header = self.reread()
+        self.seed: int = header["seed"] if seed is None else seed
+
+    def reread(self) -> dict[str, Any]:
+        """Take the records from the disk, and return the header.
+
+        An interrupt can come after a record was written and before `records` has it.
+        """
+        self._file.seek(0)
+        header, lines = _read(self.path, self._file, self._settings)
+        self._file.seek(0, os.SEEK_END)
+        self.records: dict[str, Record] = {
+            record["key"]: record for _, record in lines if record is not None
+        }
+        return header
 
     def add(self, record: Record) -> None:
         """Append a record and wait until the disk has it."""
@@ -95,10 +111,7 @@ def open_store(path: Path, settings: Settings, seed: int | None, retry: bool) ->
         _mend(path, settings, retry)
     with path.open("rb+") as file:
         hold(path, file, HELD)
-        header, lines = _read(path, file, settings)
-        records = {record["key"]: record for _, record in lines if record is not None}
-        file.seek(0, os.SEEK_END)
-        yield Store(path, file, header["seed"] if seed is None else seed, records)
+        yield Store(path, file, settings, seed)
 
 
 def _mend(path: Path, settings: Settings, retry: bool) -> None:

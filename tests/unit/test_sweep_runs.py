@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Thread
+from typing import IO
 
 import dask
 import psutil
@@ -21,6 +22,7 @@ import pytest
 import xarray as xr
 
 from femnl.cli._main import run as run_command
+from femnl.io.results.lines import append
 from tests.unit.test_sweep import HEAD, PLAIN
 
 Capture = pytest.CaptureFixture[str]
@@ -275,6 +277,22 @@ def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(
     assert "Traceback" not in errors
     psutil.wait_procs(children, timeout=30)
     assert not [child for child in children if child.is_running()]
+
+
+def test_an_interrupt_while_a_point_is_written_counts_it_as_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    def interrupted(file: IO[bytes], record: dict[str, object]) -> None:
+        append(file, record)
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("femnl.sweep.store.append", interrupted)
+    sweep_file(tmp_path, 3)
+    with pytest.raises(KeyboardInterrupt):
+        run_command(["sweep", "sweep.toml", "--workers", "1"])
+    assert len(records(tmp_path / "sweep.jsonl")) == 1
+    assert "1 of 3 points are kept; the same command goes on from here" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["sweep", "diagnose"])
