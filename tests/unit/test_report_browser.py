@@ -60,6 +60,12 @@ def browser(launch: Callable[..., Browser]) -> Browser:
     return launch(*WEBGL)
 
 
+@pytest.fixture(scope="module")
+def flat_browser(launch: Callable[..., Browser]) -> Browser:
+    """A browser that draws nothing in three dimensions, which takes seconds a page here."""
+    return launch("disable-3d-apis")
+
+
 def opened(
     browser: Browser, report: Written, width: int, scheme: str
 ) -> tuple[Page, list[str], list[str]]:
@@ -115,9 +121,9 @@ def test_a_browser_shows_the_report_without_errors_or_sideways_scrolling(
 @pytest.mark.browser
 @pytest.mark.parametrize("width", [1280, 390])
 def test_the_contents_stay_in_sight_and_lead_to_what_they_name(
-    browser: Browser, report: Written, width: int
+    flat_browser: Browser, report: Written, width: int
 ) -> None:
-    page, _, _ = opened(browser, report, width, "light")
+    page, _, _ = opened(flat_browser, report, width, "light")
     page.locator("nav a[href='#made-with']").click()
     assert page.locator("nav a[href='#summary']").is_visible()
     nav = page.locator("nav").bounding_box()
@@ -133,7 +139,7 @@ def test_the_contents_stay_in_sight_and_lead_to_what_they_name(
 @pytest.mark.browser
 @pytest.mark.parametrize("width", [1280, 390])
 def test_a_diagnosis_defines_its_words_within_the_window(
-    browser: Browser, tmp_path: Path, width: int
+    flat_browser: Browser, tmp_path: Path, width: int
 ) -> None:
     pressure = np.linspace(0, 300, 12)
     quality = 1 / (1 / 2e5 + 3e-8 * pressure)
@@ -142,7 +148,7 @@ def test_a_diagnosis_defines_its_words_within_the_window(
     )
     measurement.write(measurement.bundle({"q": data}, geometry="square-270um"), tmp_path / "gas.nc")
     path = write_diagnosis(diagnose(tmp_path / "gas.nc"), tmp_path)
-    page = browser.new_page(viewport={"width": width, "height": 900})
+    page = flat_browser.new_page(viewport={"width": width, "height": 900})
     page.goto(path.as_uri())
     assert page.evaluate(
         "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
@@ -163,8 +169,8 @@ def test_a_diagnosis_defines_its_words_within_the_window(
 
 
 @pytest.mark.browser
-def test_paper_shows_what_a_screen_folds(browser: Browser, report: Written) -> None:
-    page, _, _ = opened(browser, report, 1280, "light")
+def test_paper_shows_what_a_screen_folds(flat_browser: Browser, report: Written) -> None:
+    page, _, _ = opened(flat_browser, report, 1280, "light")
     folded = page.locator("details:not([open]) td").first
     assert not folded.is_visible()
     page.emulate_media(media="print")
@@ -175,9 +181,9 @@ def test_paper_shows_what_a_screen_folds(browser: Browser, report: Written) -> N
 @pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_stands_out_from_its_background(
-    browser: Browser, report: Written, scheme: str
+    flat_browser: Browser, report: Written, scheme: str
 ) -> None:
-    page, _, _ = opened(browser, report, 1280, scheme)
+    page, _, _ = opened(flat_browser, report, 1280, scheme)
     colours = page.evaluate(
         "['body', 'figcaption', 'nav a', '.good', '.bad'].map(s => "
         "getComputedStyle(document.querySelector(s)).color).concat(getComputedStyle(document.body).backgroundColor)"
@@ -322,9 +328,9 @@ def test_the_words_at_the_shape_follow_the_reader_from_light_to_dark(
 
 @pytest.mark.browser
 def test_without_webgl_the_picture_of_the_shape_stays(
-    launch: Callable[..., Browser], report: Written
+    flat_browser: Browser, report: Written
 ) -> None:
-    page, said, _ = opened(launch("disable-3d-apis"), report, 1280, "light")
+    page, said, _ = opened(flat_browser, report, 1280, "light")
     assert page.locator("#shape img").is_visible()
     assert not page.locator("#shape-mode").is_visible()
     assert said == []
