@@ -50,6 +50,7 @@ of the ideal hexagon cites.
 """
 
 
+@pytest.mark.slow
 def test_the_laboratory_s_hexagon_has_the_eigenvalues_of_the_ideal_one() -> None:
     film = membrane("hexagon-278um", 0.0)
     assert film.square[:6] * film.half**2 == pytest.approx(HEXAGON, rel=2e-8)
@@ -112,7 +113,9 @@ def test_the_laboratory_s_film_with_holes_has_the_shapes_of_femnl_s_beside_the_h
         assert np.abs(theirs[k] / size - own).max() < 2.5e-4
 
 
-@pytest.mark.parametrize("kind", ["spectrum", "map", "series", "trace"])
+@pytest.mark.parametrize(
+    "kind", ["spectrum", pytest.param("map", marks=pytest.mark.slow), "series", "trace"]
+)
 def test_causes_are_as_large_as_asked_for(kind: str, tmp_path: Path) -> None:
     for cause in causes(kind):
         sigma = make(Case(kind, (cause,), 5, size=(20.0, 20.1)), tmp_path / "file.nc")["sigma"][
@@ -298,7 +301,11 @@ def test_a_seed_draws_the_same_file_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["square-270um", pytest.param("rectangle", marks=pytest.mark.slow), "hexagon-278um"]
+    "name",
+    [
+        "square-270um",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("rectangle", "hexagon-278um")),
+    ],
 )
 def test_shapes_of_the_laboratory_have_the_layer_of_a_plate_at_its_edge(name: str) -> None:
     film = SimulatedFilm(geometry.load(name), 12)

@@ -37,7 +37,9 @@ def test_sweeps_with_glitches_alone_are_adequate_and_the_glitches_are_listed(
         pytest.param(
             Draw("response", (), "glitches", "square-270um", 6017), marks=pytest.mark.slow
         ),
-        Draw("response", (), "glitches", "square-270um", 6030),
+        pytest.param(
+            Draw("response", (), "glitches", "square-270um", 6030), marks=pytest.mark.slow
+        ),
     ],
     ids=lambda draw: f"{draw.kind}-{draw.regime}-{draw.seed}",
 )
@@ -85,6 +87,7 @@ def test_a_drift_that_moves_jumps_is_named_in_correlated_noise(tmp_path: Path) -
     assert (found.verdict, found.causes) == ("explained", ("frequency_drift",))
 
 
+@pytest.mark.slow
 def test_what_a_mode_that_does_not_settle_leaves_at_two_jumps_is_no_glitch(
     tmp_path: Path,
 ) -> None:
@@ -188,6 +191,7 @@ def test_a_cause_does_not_stand_alone_where_a_likelier_one_predicts_a_block_badl
     assert {other.causes for other in found.alternatives} >= {("internal_resonance",)}
 
 
+@pytest.mark.slow
 def test_a_record_that_begins_with_a_fast_decay_is_compared_from_its_begin(tmp_path: Path) -> None:
     # 15 dB in 3 s before the slow decay: the first points after the bend count with the fast piece
     draw = Draw("decay", ("energy_exchange",), "beside unknown", "square-270um", 1463437962)

@@ -116,6 +116,7 @@ def test_long_waves_are_those_of_the_even_film(model: Model) -> None:
     np.testing.assert_allclose(square[2:] * cell.mass, [along, across], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_holes_that_leave_narrow_bridges_open_a_gap(model: Model) -> None:
     wide = replace(model, holes=replace(model.holes, radius=4e-6))
     found = solve_bands(wide, 6, steps=3)

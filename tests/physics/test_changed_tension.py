@@ -44,6 +44,7 @@ COUNT = 48
 LOWEST = 14
 HEXAGON = FILM.format(outline='kind = "regular-polygon"\nsides = 6\nlong_axis = "100 um"')
 FILMS = {"square": SQUARE, "hexagon": HEXAGON, "four holes": FOUR_HOLES}
+WITH_SLOW = ["square", "hexagon", pytest.param("four holes", marks=pytest.mark.slow)]
 
 
 @cache
@@ -145,7 +146,7 @@ CAUSES = {
 }
 
 
-@pytest.mark.parametrize("name", FILMS)
+@pytest.mark.parametrize("name", WITH_SLOW)
 @pytest.mark.parametrize("cause", CAUSES)
 def test_a_stress_does_to_the_lowest_modes_what_it_does_to_the_film(name: str, cause: str) -> None:
     modes, units, projection = whole(name)
@@ -195,7 +196,7 @@ def quarter(name: str) -> SimulatedFilm:
     return SimulatedFilm(parse(FILMS[name]), COUNT)
 
 
-@pytest.mark.parametrize("name", FILMS)
+@pytest.mark.parametrize("name", WITH_SLOW)
 @pytest.mark.parametrize("share", [0.2, 0.13, 0.03, 0.004])
 def test_a_yielding_edge_does_what_it_does_to_the_film(name: str, share: float) -> None:
     found = quarter(name)

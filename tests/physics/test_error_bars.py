@@ -46,6 +46,7 @@ def shares(battery: list[Film]) -> dict[str, tuple[float, float]]:
     return result
 
 
+@pytest.mark.slow
 def test_error_bars_hold_on_films_with_references() -> None:
     for quantity, (held, over) in shares([film for film in films() if film.name in QUICK]).items():
         assert held == 1, quantity

@@ -42,7 +42,9 @@ def test_the_film_s_own_loss_follows_its_dilution() -> None:
     np.testing.assert_allclose(FILM.bending_share, 1 / factor, rtol=1e-12)
 
 
-@pytest.mark.parametrize("factor", [0.5, 0.8, 1.25, 1.5])
+@pytest.mark.parametrize(
+    "factor", [*(pytest.param(f, marks=pytest.mark.slow) for f in (0.5, 0.8)), 1.25, 1.5]
+)
 def test_the_film_s_own_loss_follows_its_bending_length(factor: float) -> None:
     film = FILM.model.film
     stiffer = replace(FILM.model, film=replace(film, young=film.young * factor**2))

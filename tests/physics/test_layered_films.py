@@ -168,6 +168,7 @@ def test_unequal_stress_of_the_film_does_what_it_does_to_the_film_anew(
     assert lowest(system_of(film()), name, values) == pytest.approx(exact, rel=2e-6)
 
 
+@pytest.mark.slow
 def test_an_edge_that_yields_does_what_springs_do_to_the_film_anew() -> None:
     model = electrode()
     compliance = 0.3 * YIELDS_MOST * 50e-6

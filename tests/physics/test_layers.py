@@ -203,6 +203,7 @@ def test_layers_that_cross_edge_and_mirrors_keep_the_symmetry() -> None:
     assert mesh(device(SQUARE, layer(more=corner))).copies == 1
 
 
+@pytest.mark.slow
 def test_frequencies_converge_within_their_errors() -> None:
     """A stiff, stressed pad on a plate: each resolution holds that of a fine mesh in its errors."""
     model = device(DISC, layer("80 nm", stress="500 MPa", more=PAD), bending=True)

@@ -41,6 +41,7 @@ def test_a_partner_of_a_hundredth_of_the_linewidth_is_an_internal_resonance(
     assert square.value == pytest.approx(COUPLING**2, abs=4 * square.sd)
 
 
+@pytest.mark.slow
 def test_a_partner_above_the_drives_may_soften_a_mode_that_stiffens_by_itself(
     tmp_path: Path,
 ) -> None:

@@ -64,6 +64,7 @@ FOLDED = Bench(width=420.0, stretch=18.0, points=101)
 """Motion of 0.5 µm, over which the first harmonic of the fringe changes its sign three times."""
 
 
+@pytest.mark.slow
 def test_the_weakest_drive_tells_that_a_film_stiffens_whatever_strong_ones_show() -> None:
     data = FOLDED.measured(seen(FOLDED, PLACES[0], 1.2))
     # In the place of fits to all drives, which end on either side far from the data

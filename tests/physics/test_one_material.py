@@ -85,6 +85,7 @@ def test_layers_that_no_film_of_one_material_stands_for_are_named(
         one_material(device(outline, layer(more=more)))
 
 
+@pytest.mark.slow
 def test_the_cause_of_a_layered_films_spectrum_is_named(tmp_path: Path) -> None:
     """A rectangle in the place of a square, with its layer: solved with layers, by other meshes."""
     side = 'width = "100.6 um"\nheight = "99.4 um"\n'

@@ -24,7 +24,7 @@ from femnl.resonator import (
 F0 = 1 / (2 * np.pi)
 
 
-@pytest.mark.parametrize("quintic", [0.0, -1e20])
+@pytest.mark.parametrize("quintic", [pytest.param(0.0, marks=pytest.mark.slow), -1e20])
 def test_rotating_wave_sweeps_agree_with_slow_sweeps_in_time(quintic: float) -> None:
     mode = Resonator(1e6, 400, alpha=1e10, quintic=quintic, nonlinear_damping=6e10)
     force = 3 * critical_point(mode)[0]
@@ -110,7 +110,13 @@ RINGING = {
 }
 
 
-@pytest.mark.parametrize("name", RINGING)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "everything",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in RINGING if n != "everything"),
+    ],
+)
 def test_ring_down_error_falls_with_the_square_of_the_amplitude(name: str) -> None:
     mode = RINGING[name]
     errors = []

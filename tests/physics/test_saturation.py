@@ -49,6 +49,7 @@ def test_rails_on_one_or_both_sides_are_both_listed_where_little_is_clipped(
     "name",
     ["detector_saturation", pytest.param("one_sided_saturation", marks=pytest.mark.slow)],
 )
+@pytest.mark.slow
 def test_maps_tell_on_which_sides_the_detector_clips(name: str, tmp_path: Path) -> None:
     truth = make(Case("map", (name,), 1, size=(100.0, 200.0)), tmp_path / "a.nc")["causes"][name]
     found = diagnose(tmp_path / "a.nc")

@@ -95,6 +95,7 @@ RIVALS = ("tension_gradient", "added_mass", "compliant_clamp", "bending_stiffnes
     ],
     ids=["square", "rectangle"],
 )
+@pytest.mark.slow
 def test_an_edge_that_yields_is_told_from_all_that_it_resembles(
     case: Case, least: tuple[float, ...], tmp_path: Path
 ) -> None:

@@ -72,7 +72,7 @@ femnl.cli.main()
     assert one_line == (status == 130)
 
 
-@pytest.mark.parametrize("seconds", [1.5, 9.0])
+@pytest.mark.parametrize("seconds", [1.5, pytest.param(9.0, marks=pytest.mark.slow)])
 def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path, seconds: float) -> None:
     command = [
         sys.executable,

@@ -79,6 +79,7 @@ def only(fit: ChipFit) -> Cause:
     return cause
 
 
+@pytest.mark.slow
 def test_a_particle_is_told_from_the_modes_of_one_device(tmp_path: Path) -> None:
     cause = only(chip(tmp_path, particle(0.01, 0.37, 0.41)))
     assert cause.name == "added_mass"

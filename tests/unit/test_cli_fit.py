@@ -353,6 +353,7 @@ def test_a_drive_of_many_tones_is_no_sine_with_harmonics(
     assert "so it has no harmonics; fit an oscillator (--as oscillator)" in line
 
 
+@pytest.mark.slow
 def test_a_wide_sweep_read_as_one_mode_is_told_so(capsys: pytest.CaptureFixture[str]) -> None:
     f = np.linspace(1e6, 2e6, 600)
     rng = np.random.default_rng(3)

@@ -62,6 +62,7 @@ def test_bessel_functions_far_out_keep_their_recurrence() -> None:
         assert first * (second + 2 * (order + 1) / x) == pytest.approx(1, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_laws_at_some_points_of_long_blocks_have_the_means_of_all() -> None:
     time, power, _ = record(3, points=60_000, correlation=3.0)
     dataset = measurement.decay(time, power, attributes={"frequency": TONE})

@@ -67,6 +67,7 @@ def test_a_film_that_lost_half_its_thickness_is_told_as_less_stiff(tmp_path: Pat
     assert abs(excess.value - truth) < 3 * sd
 
 
+@pytest.mark.slow
 def test_a_film_without_holes_has_no_lattice_of_holes(tmp_path: Path) -> None:
     found = measured(tmp_path, *thinner(92e-9))
     told = [found.causes, *(rival.causes for rival in found.alternatives)]

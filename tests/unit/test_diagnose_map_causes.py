@@ -153,6 +153,7 @@ def test_crosstalk_in_quadrature_is_told_from_an_admixture(tmp_path: Path) -> No
 DRIFT = {"detuning": 0.3, "drift": 1.5}
 
 
+@pytest.mark.slow
 def test_stripes_of_a_drifting_resonance_are_told_from_other_modes(tmp_path: Path) -> None:
     found = told(tmp_path, {"resonance_drift": DRIFT | {"linewidth": 100.0}})
     assert (found.verdict, found.causes) == ("explained", ("resonance_drift",))
@@ -167,6 +168,7 @@ def test_a_map_without_times_does_not_blame_a_drift(tmp_path: Path) -> None:
     assert ("resonance_drift",) not in [trial.causes for trial in found.trials]
 
 
+@pytest.mark.slow
 def test_a_strong_partner_is_found_from_other_amplitudes(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     truth = {"partner": 3.0, "in_phase": -0.47, "quadrature": 0.17}

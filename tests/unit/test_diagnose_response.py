@@ -177,7 +177,13 @@ def test_a_fit_is_led_over_jumps_that_a_thousandth_of_the_peak_moves(tmp_path: P
     assert found[0].chi2 / found[0].degrees < 1.1
 
 
-@pytest.mark.parametrize("causes", [(), ("crosstalk",), ("quintic_stiffness",)])
+@pytest.mark.parametrize(
+    "causes",
+    [
+        (),
+        *(pytest.param((c,), marks=pytest.mark.slow) for c in ("crosstalk", "quintic_stiffness")),
+    ],
+)
 def test_a_phase_that_rises_with_frequency_is_noticed_and_told(
     causes: tuple[str, ...], tmp_path: Path
 ) -> None:
@@ -192,7 +198,8 @@ def test_a_phase_that_rises_with_frequency_is_noticed_and_told(
     assert any("conjugated" in note for note in rising.notes)
 
 
-@pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [1, -1])
 def test_a_leak_that_grows_with_the_drive_does_not_turn_the_sign_of_the_phase(
     sign: int, tmp_path: Path
 ) -> None:

@@ -370,6 +370,7 @@ def program(folder: Path, name: str, body: str) -> str:
     return name
 
 
+@pytest.mark.slow
 def test_a_file_that_kills_every_process_fails_alone(tmp_path: Path, start: Starter) -> None:
     # Stands for a file that takes more memory than there is: the system kills the process,
     # without a word to Python.

@@ -293,6 +293,7 @@ def coverage(n_draws: int) -> Array:
     return np.array([deviations(found, truth) for found in draws])
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say_on_a_few_draws() -> None:
     z = coverage(14)
     assert np.mean(np.abs(z) < 1) == pytest.approx(0.6827, abs=0.14)
@@ -337,6 +338,7 @@ def failures(seeds: range) -> list[int]:
     return missed
 
 
+@pytest.mark.slow
 def test_random_maps_are_all_met() -> None:
     assert failures(range(7000, 7010)) == []
 

@@ -81,7 +81,7 @@ def test_a_linear_decay_needs_no_nonlinear_terms() -> None:
     assert fit_ringdown(*record("voltage", 3), nonlinear=False, noise_sd=2e-3).chi2_reduced > 5
 
 
-@pytest.mark.parametrize("kind", ["complex", "magnitude"])
+@pytest.mark.parametrize("kind", [pytest.param("complex", marks=pytest.mark.slow), "magnitude"])
 def test_intervals_of_ring_downs_hold_the_truth_two_times_in_three(kind: Signal) -> None:
     inside = []
     for seed in range(120):

@@ -84,6 +84,7 @@ def test_the_effect_of_an_installed_package_is_listed(site: Path, tmp_path: Path
     assert len(listed) == len(library()) + 1
 
 
+@pytest.mark.slow
 def test_a_package_reads_its_file_and_names_its_cause_on_any_number_of_workers(
     site: Path, tmp_path: Path
 ) -> None:

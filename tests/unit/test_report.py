@@ -74,6 +74,7 @@ def test_a_case_that_holds_is_folded_and_one_that_does_not_is_open(report: Writt
     }
 
 
+@pytest.mark.slow
 def test_a_report_on_one_device_says_nothing_of_what_femnl_is_checked_against(
     report: Written, tmp_path: Path
 ) -> None:

@@ -97,6 +97,7 @@ def test_the_density_of_unseen_blocks_is_that_of_the_full_matrices() -> None:
     assert found.chi2_reduced == pytest.approx(square / 40, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_p_value_of_unseen_blocks_is_as_small_as_it_says_where_the_model_is_right() -> None:
     rng = np.random.default_rng(8)
     drawn = np.array(
