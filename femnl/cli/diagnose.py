@@ -263,6 +263,8 @@ def _show(found: Diagnosis) -> None:
     chances = f" ({odds}p-value {p_value})"
     console().print(Text.assemble((found.verdict, "bold"), causes, chances))
     console().print(found.where)
+    if found.nearest:
+        console().print(found.nearest)
     _show_shares(found)
     if found.contributions is not None:
         _show_contributions(found.contributions)

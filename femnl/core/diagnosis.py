@@ -245,6 +245,21 @@ class Diagnosis(Tabulated):
             return 1.0 if before == 0 else inf
         return before / after
 
+    @property
+    def nearest(self) -> str:
+        """Which causes come closest where nothing explains the data, and what stands against them.
+
+        An empty sentence where there is an answer, or nothing was tried.
+        """
+        if not self.best_trial:
+            return ""
+        tried = {trial.causes: trial for trial in self.trials}
+        before, best = tried[()], tried[self.best_trial]
+        return (
+            f"nearest comes {_joined(best.causes)}, with χ² = {plain(best.chi2, 4)} instead of "
+            f"{plain(before.chi2, 4)}; against it: {'; '.join(best.against)}"
+        )
+
     def __repr__(self) -> str:
         """Verdict, causes with their probability, and file."""
         odds = f", probability {self.probability:.3g}" if self.causes else ""
@@ -297,7 +312,7 @@ class Diagnosis(Tabulated):
         if self.causes:
             title += f" (probability {self.probability:.3g})"
             quality += f" before, {self.after.heldout_chi2_reduced:.4g} after"
-        notes = [self.where, quality, self.measure_next]
+        notes = [self.where, *([self.nearest] if self.nearest else []), quality, self.measure_next]
         tables = [Table(title, found, notes)]
         return [*tables, self._tried()] if self.trials else tables
 

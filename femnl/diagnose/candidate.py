@@ -101,6 +101,11 @@ class Candidate:
         return self.p_value >= rare and not self.stuck
 
     @property
+    def refutable(self) -> bool:
+        """Whether data can speak against the set: it has fewer parameters than they are."""
+        return self.result.vector.size < len(self.result.residuals)
+
+    @property
     def may_be_noisier(self) -> bool:
         """Whether what the set leaves is more than the stated noise, and may be larger noise."""
         return (

@@ -75,7 +75,13 @@ def conclude(
         measure_next=measure_next(judged, found),
         base_parameters=_parameters(base, base)["base"],
         trials=tuple(
-            Trial(c.names, c.result.chi2, c.weight - base.weight, c.p_value, _against(c))
+            Trial(
+                c.names,
+                c.result.chi2,
+                c.weight - base.weight,
+                c.p_value,
+                _against(c, found, judged),
+            )
             for c in found
         ),
         notes=(*notes, *joint),
@@ -146,8 +152,11 @@ def _rivals(judged: Judgement) -> tuple[Rival, ...]:
 
 
 def _closest(found: list[Candidate]) -> Candidate | None:
-    """Return the set of causes of highest evidence, for a reader to see what it leaves."""
-    return max(found[1:], key=lambda candidate: candidate.weight, default=None)
+    """Return the set of causes of highest evidence, for a reader to see what it leaves.
+
+    One that data can speak against, if there is any: as many parameters as data leave nothing.
+    """
+    return max(found[1:], key=lambda c: (c.refutable, c.weight), default=None)
 
 
 def _compare(base: Candidate, best: Candidate, closest: Candidate | None) -> tuple[Comparison, ...]:
@@ -188,10 +197,27 @@ def _quality(candidate: Candidate) -> Quality:
     )
 
 
-def _against(candidate: Candidate) -> tuple[str, ...]:
+def _against(candidate: Candidate, found: list[Candidate], judged: Judgement) -> tuple[str, ...]:
+    """Say what stands against a set; where nothing explains the data, something does."""
+    result = candidate.result
     reasons = [f"{name} ends at a bound" for name in candidate.stuck]
-    if 0 < candidate.p_value < 1e-3 or candidate.p_value == 0:
+    if candidate.p_value < 1e-3:
         reasons.append(f"leaves a misfit ({candidate.worst})")
+    if not candidate.names:
+        return tuple(reasons)
+    if not candidate.refutable:
+        data = np.count_nonzero(result.model.base_model.blocks >= 0)
+        reasons.append(f"has {result.vector.size} parameters for {data} data")
+    if result.predicted and result.cross_validation.p_value < candidate.least_heldout:
+        reasons.append("misses data that it was not fitted to")
+    if not reasons and judged.verdict == "unexplained":
+        fewer = any(
+            set(other.names) < set(candidate.names) and other.weight >= candidate.weight
+            for other in found[1:]
+        )
+        reasons.append(
+            "fewer causes do as well" if fewer else "is no likelier than an unknown deviation"
+        )
     return tuple(reasons)
 
 

@@ -103,6 +103,7 @@ def test_the_page_tells_everything_and_runs_nothing(unexplained: Diagnosis, tmp_
     ):
         assert f"<h2>{heading}</h2>" in page
     assert unexplained.sha256 in page
+    assert unexplained.nearest in page
     assert "--geometry square-270um" in page
     assert page.count("data:image/webp;base64,") == 1 + len(unexplained.comparisons) == 2
 
@@ -117,6 +118,31 @@ def test_where_nothing_explains_the_data_the_best_trial_is_drawn(unexplained: Di
     (curve,) = shown.curves
     left = ((curve.data - curve.predictions) / curve.sd) ** 2
     assert left.sum(axis=1) == pytest.approx([unexplained.trials[0].chi2, best.chi2], rel=1e-6)
+
+
+def test_nearest_comes_what_data_could_refute_and_all_that_was_tried_has_something_against_it(
+    tmp_path: Path,
+) -> None:
+    orders = np.array([(1, 1), (1, 2), (2, 1), (2, 2), (1, 3), (3, 1)])
+    away = 1e3 * np.array([1, -1, 2, -2, -1, 1])
+    data = measurement.spectrum(
+        1.11e6 / np.sqrt(2) * np.linalg.norm(orders, axis=1) + away,
+        np.full(6, 5.0),
+        label=["1,1", "1,2", "2,1", "2,2", "1,3", "3,1"],
+    )
+    path = tmp_path / "few.nc"
+    measurement.write(measurement.bundle({"s": data}, geometry="square-270um"), path)
+    causes = [library()[name] for name in ("added_mass", "shear_stress", "tension_gradient")]
+    found = diagnose(path, effects=causes)
+    assert found.verdict == "unexplained"
+    assert all(trial.against for trial in found.trials)
+    full = [t for t in found.trials if any("parameters for 6 data" in a for a in t.against)]
+    assert full
+    best = next(t for t in found.trials if t.causes == found.best_trial)
+    assert best not in full
+    assert best.chi2 > min(t.chi2 for t in full)
+    assert found.nearest.startswith(f"nearest comes {' + '.join(best.causes)}, with χ² = ")
+    assert found.nearest.endswith("leaves a misfit (chi-square)")
 
 
 @pytest.fixture(scope="module")

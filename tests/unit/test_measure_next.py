@@ -16,6 +16,7 @@ def fitted(names: str, chi2: float, log_evidence: float) -> Candidate:
     result = SimpleNamespace(
         model=SimpleNamespace(effects=effects),
         chi2=chi2,
+        residuals=np.zeros(20),
         vector=np.zeros(2 + len(names)),
         log_evidence=log_evidence,
     )
