@@ -10,6 +10,7 @@ from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, job, names_of
 from femnl.diagnose.global_starts import Start, look_over, scan, scan_beside
 from femnl.diagnose.multistart import FAR, REFINED
+from femnl.diagnose.search_rules import meets_any_data
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Run
 from femnl.fits.least_squares import FitResult, fit, improve
@@ -34,7 +35,11 @@ def from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[F
     shaped = sorted(library, key=_shaped)
     looked = run([job("seeking", (e.name,), base, partial(look_over, base, e)) for e in shaped])
     seen = {effect.name: place for effect, place in zip(shaped, looked, strict=True)}
-    pairs = [(alone[one.name], other) for one, other in combinations(shaped, 2)]
+    pairs = [
+        (alone[one.name], other)
+        for one, other in combinations(shaped, 2)
+        if not meets_any_data(alone[one.name], other)
+    ]
     starts = run(
         [
             job(

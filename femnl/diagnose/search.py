@@ -28,6 +28,7 @@ from femnl.diagnose.search_rules import (
     falls_short,
     leaves_other_noise,
     may_be_noisier,
+    meets_any_data,
     needs_global_search,
     outweighed,
     settled,
@@ -253,15 +254,22 @@ def _kept(
 
 
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:
-    """Return the fits of each parent's model with one more effect that its residuals point to."""
+    """Return the fits of each parent's model with one more effect that its residuals point to.
+
+    Sets that would meet any data are left out.
+    """
     jobs: list[Job[FitResult | None]] = []
     for parent in parents:
         result = parent.result
-        mine = parent.names
         for pointer in parent.pointers or ():
-            find = partial(extended, result, pointer.effect, list(pointer.shapes))
-            jobs.append(job("trying", names_of(result, pointer.effect), result, find))
-        others = [e for e in library if e.name not in mine and not e.has_strength]
+            if not meets_any_data(result, pointer.effect):
+                find = partial(extended, result, pointer.effect, list(pointer.shapes))
+                jobs.append(job("trying", names_of(result, pointer.effect), result, find))
+        others = [
+            e
+            for e in library
+            if e.name not in parent.names and not e.has_strength and not meets_any_data(result, e)
+        ]
         jobs += [
             job("trying", names_of(result, e), result, partial(replaced, result, e)) for e in others
         ]

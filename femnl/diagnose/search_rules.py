@@ -4,9 +4,12 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from femnl.core.effect import Effect
 from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.rivals import EVEN
 from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.fits.least_squares import FitResult
+from femnl.observe.extended import ExtendedModel
 
 
 def worth_extending(grown: dict[Names, Candidate], size: int) -> list[Candidate]:
@@ -69,6 +72,16 @@ def falls_short(candidate: Candidate, base: Candidate) -> bool:
     return not candidate.viable and _excess(candidate) < (
         THRESHOLDS.nearly_explained * _excess(base)
     )
+
+
+def meets_any_data(result: FitResult, effect: Effect) -> bool:
+    """Whether a set with one more effect has as many parameters as data, which tells nothing.
+
+    A cause alone is tried all the same, since readers ask for it.
+    """
+    model = result.model
+    more = ExtendedModel(model.base_model, (*model.effects, effect))
+    return bool(model.effects) and len(more.parameters) >= len(result.residuals)
 
 
 def leaves_other_noise(
