@@ -86,6 +86,26 @@ def test_sweeps_one_by_one_tell_that_a_film_stiffens_which_drifts_down_as_the_dr
     assert of_weak_sweeps(linear, softer, "alpha_y", 1) is None
 
 
+def test_sweeps_at_several_positions_of_the_readout_tell_it_together_at_each_drive() -> None:
+    level = np.unique(FALLING.drives, return_inverse=True)[1]
+    volts = FALLING.volts(FALLING.amplitude(F0 - 5.0 * level[:, None]))
+    measured = [
+        FALLING.measured(gain * volts).assign_coords(x=("sweep", np.full(len(level), x)))
+        for gain, x in ((1.0, 0.0), (0.5, 1e-5))
+    ]
+    both = xr.concat(measured, "sweep")
+    softer = fit_response(
+        both, background="none", delay=True, phase_sign=1, fixed={"alpha_ratio": -20.0}
+    )
+    found = of_weak_sweeps(both, softer, "alpha_y[0]", 1)
+    assert found is not None
+    assert found["alpha_y[0]"] > 0
+    assert found["y_max[1]"] == pytest.approx(0.5 * found["y_max[0]"], rel=0.1)
+    # No drive at which both positions were measured
+    apart = both.isel(sweep=[0, 1, 10, 11])
+    assert of_weak_sweeps(apart, softer, "alpha_y[0]", 1) is None
+
+
 @pytest.mark.slow
 def test_a_mode_that_drifts_down_while_the_drive_grows_does_not_soften() -> None:
     sweeps = falling()

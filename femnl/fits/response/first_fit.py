@@ -106,24 +106,30 @@ def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) 
     A readout that bends over several fringes makes sweeps at strong drives look as if they
     softened, and so does a mode that drifts downwards while the drive is raised. No fit leads from
     there to the other sign. Those at the weakest drive are asked first, then each sweep alone, the
-    weaker ones first, until one whose fit is not bent, either, is sure of a sign.
+    weaker ones first, until one whose fit is not bent, either, is sure of a sign. Where the readout
+    has several positions, all sweeps at one drive stand for a single one.
 
-    None where the fit to all drives may be right, or where no sweep is sure that the mode stiffens.
+    None where the fit to all drives may be right, where no sweep is sure that the mode stiffens, or
+    where no drive was measured at all positions.
 
     Args: fitted: to all drives. stiffness: the name of α in fits.
     """
     if fitted.chi2_reduced < BENT or fitted[stiffness] > 0:
         return None
     drive = np.abs(dataset["drive"].values)
-    weakest = np.flatnonzero(drive == drive.min())
-    if len(weakest) < len(drive):
-        weak = _without_background(dataset.isel(sweep=weakest), sign)
+    levels = [dataset.isel(sweep=np.flatnonzero(drive == level)) for level in np.unique(drive)]
+    places = collect(dataset).n_positions
+    levels = [level for level in levels if collect(level).n_positions == places]
+    if levels and levels[0].sizes["sweep"] < len(drive):
+        weak = _without_background(levels[0], sign)
         untold = not np.isfinite(weak.parameters[stiffness].sd)
         stiffens = weak["alpha_ratio"] > SHOWN if untold else _sure_sign(weak, stiffness) > 0
         if stiffens and weak.chi2_reduced < fitted.chi2_reduced / BENT:
             return weak
-    for row in np.argsort(drive, kind="stable") if len(drive) > 1 else ():
-        alone = _without_background(dataset.isel(sweep=[row]), sign)
+    order = np.argsort(drive, kind="stable") if len(drive) > 1 else ()
+    single = [dataset.isel(sweep=[row]) for row in order] if places == 1 else levels
+    for part in single:
+        alone = _without_background(part, sign)
         sign_of_stiffness = _sure_sign(alone, stiffness)
         if alone.chi2_reduced < BENT and sign_of_stiffness:
             return alone if sign_of_stiffness > 0 else None
