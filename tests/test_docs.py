@@ -34,7 +34,6 @@ QUICK = (
     "index",
     "measurement-format",
     "plugins",
-    "report",
     "ring-downs",
     "validation",
 )

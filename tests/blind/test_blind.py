@@ -41,7 +41,7 @@ HIDDEN = [
     ),
     # a sweep jumps just behind a point
     pytest.param(Case("response", ("nonlinear_damping",), 381253685), marks=pytest.mark.slow),
-    Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)),
+    pytest.param(Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow),
     pytest.param(Case("map", ("multilayer_fringe",), 2, SQUARE), marks=pytest.mark.slow),
     pytest.param(
         Case("map", ("stage_rotation", "static_bow"), 30, PERFORATED), marks=pytest.mark.slow

@@ -46,6 +46,7 @@ def test_a_broad_resonance_within_the_sweeps_is_a_fano_background(tmp_path: Path
         assert value.value == pytest.approx(truth, abs=4 * value.sd)
 
 
+@pytest.mark.slow
 def test_a_flank_that_bends_less_than_noise_may_be_either(tmp_path: Path) -> None:
     found = BENCH.diagnose(tmp_path / "a.nc", beside(1.5 * SPAN, 0.5 * SPAN, 0.003))
     assert found.verdict == "ambiguous"

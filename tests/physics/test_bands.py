@@ -215,6 +215,7 @@ def test_the_honeycomb_of_soft_clamping_is_found_around_its_defect_and_has_a_gap
     assert (high - low) / (high + low) > 0.05
 
 
+@pytest.mark.slow
 def test_cells_with_two_unequal_mirrors_take_waves_along_both() -> None:
     row, column = np.meshgrid(np.arange(6), np.arange(6))
     board = 20.0 * np.stack([row.ravel(), column.ravel()], axis=1) - 50.0

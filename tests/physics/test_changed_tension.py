@@ -157,6 +157,7 @@ def test_a_stress_does_to_the_lowest_modes_what_it_does_to_the_film(name: str, c
 
 
 @pytest.mark.parametrize("cause", ["anisotropy", "shear", "gradient"])
+@pytest.mark.slow
 def test_responses_of_lower_elements_make_up_most_of_a_change(cause: str) -> None:
     # As on films of too many unknowns for elements of the modes' degree
     modes, units, projection = whole("four holes")

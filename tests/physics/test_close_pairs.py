@@ -71,6 +71,7 @@ def coupling(modes: Modes) -> float:
     return float(np.abs(modes.coarse.coupling[PAIR, PAIR][0, 1]) / modes.frequency[PAIR.start])
 
 
+@pytest.mark.slow
 def test_couplings_vanish_where_film_and_mesh_have_the_mirror_and_nowhere_else() -> None:
     bare = stiff(outline("square"), 0.1)
     assert coupling(solve_modes(bare, 6, cache=False)) < 1e-11

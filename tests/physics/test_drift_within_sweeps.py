@@ -31,6 +31,7 @@ def drifting(bench: Bench, duration: float, rate: float = RATE) -> Complex:
     [{"duration": 60.0}, pytest.param({}, marks=pytest.mark.slow)],
     ids=["recorded", "without pause"],
 )
+@pytest.mark.slow
 def test_a_drift_within_sweeps_is_named_with_its_rate(
     extra: dict[str, float], tmp_path: Path
 ) -> None:
@@ -88,7 +89,8 @@ def test_sweeps_one_by_one_tell_that_a_film_stiffens_which_drifts_down_as_the_dr
 
 def test_sweeps_at_several_positions_of_the_readout_tell_it_together_at_each_drive() -> None:
     level = np.unique(FALLING.drives, return_inverse=True)[1]
-    volts = FALLING.volts(FALLING.amplitude(F0 - 5.0 * level[:, None]))
+    drifted = np.asarray(F0 - 5.0 * level[:, None], dtype=np.float64)
+    volts = FALLING.volts(FALLING.amplitude(drifted))
     measured = [
         FALLING.measured(gain * volts).assign_coords(x=("sweep", np.full(len(level), x)))
         for gain, x in ((1.0, 0.0), (0.5, 1e-5))

@@ -120,6 +120,7 @@ def test_a_film_that_layers_cover_evenly_is_the_one_of_one_material() -> None:
         pytest.param(3.0, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_frequencies_follow_c_and_the_bending_length_as_the_film_does(factor: float) -> None:
     """All densities and all moduli change by one factor each."""
     model = electrode()

@@ -105,6 +105,7 @@ def test_a_clamp_that_yields_is_seen_by_what_it_does_to_all_modes_alike(tmp_path
     ("factor", "words"),
     [pytest.param(1.01, "no cause of", marks=pytest.mark.slow), (0.985, "another stress")],
 )
+@pytest.mark.slow
 def test_another_stress_of_one_device_is_no_cause_of_the_library(
     factor: float, words: str, tmp_path: Path
 ) -> None:

@@ -93,6 +93,7 @@ def sheared(shear: float, count: int) -> tuple[Array, Array, list[tuple[int, int
     return np.sqrt(square), vectors, orders
 
 
+@pytest.mark.slow
 def test_pairs_that_shear_mixes_go_by_their_own_names(tmp_path: Path) -> None:
     model = load(SQUARE)
     modes = solve_modes(model, MODES)

@@ -211,6 +211,7 @@ def test_a_leak_that_grows_with_the_drive_does_not_turn_the_sign_of_the_phase(
     assert sign_of_phase(turned(data, sign), first_layout(data, "complex")) == sign
 
 
+@pytest.mark.slow
 def test_a_drift_of_many_linewidths_does_not_turn_the_sign_of_the_phase(tmp_path: Path) -> None:
     """By 13 linewidths: to one linear form at each place all sweeps circle the other way."""
     draw = Draw("response", ("frequency_drift",), "correlated noise", "square-270um", 3909290084)

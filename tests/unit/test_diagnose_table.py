@@ -424,6 +424,7 @@ def test_an_interrupt_is_one_line_leaves_all_that_is_finished_and_is_gone_on_fro
     assert list(pd.read_csv("out.csv")["file"]) == files
 
 
+@pytest.mark.slow
 def test_workers_of_a_cluster_need_no_common_disk(tmp_path: Path, start: Starter) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()

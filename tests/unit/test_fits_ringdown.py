@@ -56,6 +56,7 @@ def test_frequency_quality_factor_and_their_amplitude_dependence_come_back(kind:
     assert 0.8 < fit.chi2_reduced < 1.2
 
 
+@pytest.mark.slow
 def test_a_decay_integrated_in_time_gives_back_its_equation() -> None:
     mode = Resonator(2e4, 500, alpha=3e10, nonlinear_damping=6e13)
     time = np.linspace(0, 16 / mode.damping, 8_000)
@@ -82,6 +83,7 @@ def test_a_linear_decay_needs_no_nonlinear_terms() -> None:
 
 
 @pytest.mark.parametrize("kind", [pytest.param("complex", marks=pytest.mark.slow), "magnitude"])
+@pytest.mark.slow
 def test_intervals_of_ring_downs_hold_the_truth_two_times_in_three(kind: Signal) -> None:
     inside = []
     for seed in range(120):

@@ -122,6 +122,7 @@ def study(seeds: range) -> tuple[int, Array]:
     return good, np.concatenate(pulls)
 
 
+@pytest.mark.slow
 def test_wide_narrow_and_overlapping_lines_are_found_in_most_of_a_few_random_sweeps() -> None:
     good, pulls = study(range(4))
     assert good == 4
@@ -234,6 +235,7 @@ def promised_and_right(cases: list[Case]) -> tuple[Array, NDArray[np.bool_]]:
     )
 
 
+@pytest.mark.slow
 def test_the_probabilities_of_labellings_add_up_to_how_many_are_right() -> None:
     promised, right = promised_and_right(
         [case(50 + k, 10 ** (-4 + 0.5 * (k % 4))) for k in range(20)]

@@ -23,6 +23,7 @@ DIAGNOSE = (
 )
 
 
+@pytest.mark.slow
 def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(
     tmp_path: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -229,6 +229,7 @@ def test_a_diagnosis_says_the_same_whatever_the_workers(tmp_path: Path) -> None:
         diagnose(path, effects=[local], workers=2)
 
 
+@pytest.mark.slow
 def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes_once(
     tmp_path: Path,
 ) -> None:
