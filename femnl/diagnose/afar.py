@@ -10,7 +10,7 @@ from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, job, names_of
 from femnl.diagnose.global_starts import Start, look_over, scan, scan_beside
 from femnl.diagnose.multistart import FAR, REFINED
-from femnl.diagnose.search_rules import meets_any_data
+from femnl.diagnose.search_rules import saturates
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Run
 from femnl.fits.least_squares import FitResult, fit, improve
@@ -38,7 +38,7 @@ def from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[F
     pairs = [
         (alone[one.name], other)
         for one, other in combinations(shaped, 2)
-        if not meets_any_data(alone[one.name], other)
+        if not saturates(alone[one.name], other)
     ]
     starts = run(
         [

@@ -101,9 +101,9 @@ class Candidate:
         return self.p_value >= rare and not self.stuck
 
     @property
-    def refutable(self) -> bool:
-        """Whether data can speak against the set: it has fewer parameters than they are."""
-        return self.result.vector.size < len(self.result.residuals)
+    def saturated(self) -> bool:
+        """Whether the set has as many parameters as data: how well it fits then says nothing."""
+        return self.result.vector.size >= len(self.result.residuals)
 
     @property
     def may_be_noisier(self) -> bool:

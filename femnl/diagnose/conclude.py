@@ -154,9 +154,9 @@ def _rivals(judged: Judgement) -> tuple[Rival, ...]:
 def _closest(found: list[Candidate]) -> Candidate | None:
     """Return the set of causes of highest evidence, for a reader to see what it leaves.
 
-    One that data can speak against, if there is any: as many parameters as data leave nothing.
+    One that is not saturated, if there is any.
     """
-    return max(found[1:], key=lambda c: (c.refutable, c.weight), default=None)
+    return max(found[1:], key=lambda c: (not c.saturated, c.weight), default=None)
 
 
 def _compare(base: Candidate, best: Candidate, closest: Candidate | None) -> tuple[Comparison, ...]:
@@ -205,7 +205,7 @@ def _against(candidate: Candidate, found: list[Candidate], judged: Judgement) ->
         reasons.append(f"leaves a misfit ({candidate.worst})")
     if not candidate.names:
         return tuple(reasons)
-    if not candidate.refutable:
+    if candidate.saturated:
         data = np.count_nonzero(result.model.base_model.blocks >= 0)
         reasons.append(f"has {result.vector.size} parameters for {data} data")
     if result.predicted and result.cross_validation.p_value < candidate.least_heldout:

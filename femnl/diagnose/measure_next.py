@@ -17,7 +17,7 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
     # What holds all named causes besides others is no other explanation
     others = [
         c
-        for c in sorted(found, key=lambda c: (not c.refutable, -c.weight))
+        for c in sorted(found, key=lambda c: (c.saturated, -c.weight))
         if c is not best and not (best.names and set(best.names) <= set(c.names))
     ]
     rivals = judged.rivals or tuple(others[:1])

@@ -28,9 +28,9 @@ from femnl.diagnose.search_rules import (
     falls_short,
     leaves_other_noise,
     may_be_noisier,
-    meets_any_data,
     needs_global_search,
     outweighed,
+    saturates,
     settled,
     takes_up_nearly_all,
 )
@@ -256,19 +256,19 @@ def _kept(
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:
     """Return the fits of each parent's model with one more effect that its residuals point to.
 
-    Sets that would meet any data are left out.
+    Sets that would be saturated are left out.
     """
     jobs: list[Job[FitResult | None]] = []
     for parent in parents:
         result = parent.result
         for pointer in parent.pointers or ():
-            if not meets_any_data(result, pointer.effect):
+            if not saturates(result, pointer.effect):
                 find = partial(extended, result, pointer.effect, list(pointer.shapes))
                 jobs.append(job("trying", names_of(result, pointer.effect), result, find))
         others = [
             e
             for e in library
-            if e.name not in parent.names and not e.has_strength and not meets_any_data(result, e)
+            if e.name not in parent.names and not e.has_strength and not saturates(result, e)
         ]
         jobs += [
             job("trying", names_of(result, e), result, partial(replaced, result, e)) for e in others

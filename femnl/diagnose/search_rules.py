@@ -74,10 +74,10 @@ def falls_short(candidate: Candidate, base: Candidate) -> bool:
     )
 
 
-def meets_any_data(result: FitResult, effect: Effect) -> bool:
-    """Whether a set with one more effect has as many parameters as data, which tells nothing.
+def saturates(result: FitResult, effect: Effect) -> bool:
+    """Whether a set with one more effect has as many parameters as data, and is not worth a fit.
 
-    A cause alone is tried all the same, since readers ask for it.
+    A cause alone is tried all the same, since readers look for it.
     """
     model = result.model
     more = ExtendedModel(model.base_model, (*model.effects, effect))

@@ -120,7 +120,7 @@ def test_where_nothing_explains_the_data_the_best_trial_is_drawn(unexplained: Di
     assert left.sum(axis=1) == pytest.approx([unexplained.trials[0].chi2, best.chi2], rel=1e-6)
 
 
-def test_nearest_comes_what_data_could_refute_and_all_that_was_tried_has_something_against_it(
+def test_nearest_comes_no_saturated_set_and_all_that_was_tried_has_something_against_it(
     tmp_path: Path,
 ) -> None:
     orders = np.array([(1, 1), (1, 2), (2, 1), (2, 2)])

@@ -18,7 +18,7 @@ from femnl.device.geometry.splines import spline
 from femnl.sweep.axes import put
 
 Loop = tuple[Segment, ...]
-ROUNDS = settings(derandomize=True, database=None, deadline=None, max_examples=50)
+ROUNDS = settings(derandomize=True, database=None, deadline=None, max_examples=80)
 PLACES = st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
 
 

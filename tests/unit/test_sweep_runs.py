@@ -284,7 +284,7 @@ def test_an_interrupt_while_a_point_is_written_counts_it_as_kept(
 ) -> None:
     def interrupted(file: IO[bytes], record: dict[str, object]) -> None:
         append(file, record)
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("femnl.sweep.store.append", interrupted)
