@@ -24,7 +24,7 @@ from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.measure_next import measure_next
 from femnl.diagnose.shares import remainder, shares
-from femnl.diagnose.verdict import Judgement, judge
+from femnl.diagnose.verdict import SPEAKS_AGAINST, Judgement, judge
 from femnl.diagnose.worker_pool import Run
 from femnl.observe.model import Named
 
@@ -210,14 +210,12 @@ def _against(candidate: Candidate, found: list[Candidate], judged: Judgement) ->
         reasons.append(f"has {result.vector.size} parameters for {data} data")
     if result.predicted and result.cross_validation.p_value < candidate.least_heldout:
         reasons.append("misses data that it was not fitted to")
-    if not reasons and judged.verdict == "unexplained":
+    if not reasons and judged.rule in SPEAKS_AGAINST:
         fewer = any(
             set(other.names) < set(candidate.names) and other.weight >= candidate.weight
             for other in found[1:]
         )
-        reasons.append(
-            "fewer causes do as well" if fewer else "is no likelier than an unknown deviation"
-        )
+        reasons.append("fewer causes do as well" if fewer else SPEAKS_AGAINST[judged.rule])
     return tuple(reasons)
 
 

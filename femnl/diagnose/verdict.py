@@ -211,6 +211,12 @@ NOISE_IS_LARGER = frozenset(
     for rule in (noise_is_larger_than_stated, causes_explain_the_data_within_larger_noise)
 )
 """Rules by which what the chosen set leaves is noise, larger than stated."""
+SPEAKS_AGAINST = {
+    _words(no_set_explains_the_data): "is no likelier than an unknown deviation",
+    _words(no_set_is_likelier_than_the_base): "is hardly likelier than the base model",
+    _words(only_set_predicts_no_better): "predicts unseen data no better than the base model",
+}
+"""By rules that leave the data unexplained, what speaks against sets that fit them."""
 
 
 def judge(

@@ -198,3 +198,14 @@ def test_a_record_that_begins_with_a_fast_decay_is_compared_from_its_begin(tmp_p
     make(draw, tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
     assert ("energy_exchange",) in {one.causes for one in found.alternatives}, found.where
+
+
+def test_a_cause_that_fits_and_is_hardly_likelier_than_noise_is_told_so(tmp_path: Path) -> None:
+    draw = Draw("decay", ("feed_through",), "correlated noise", "square-270um", 14464262)
+    make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc", effects=[library()["feed_through"]])
+    assert found.verdict == "unexplained"
+    (fitted,) = [trial for trial in found.trials if trial.causes]
+    assert fitted.p_value > 0.05
+    assert fitted.against == ("is hardly likelier than the base model",)
+    assert found.nearest.endswith("against it: is hardly likelier than the base model")
