@@ -10,7 +10,7 @@ from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.score_test import ScoreTest, beside, stored
+from femnl.diagnose.score_test import ScoreTest, basis_of, left_beside, stored
 from femnl.diagnose.strength_slopes import Index, chord, tangents
 from femnl.fits.least_squares import FitResult
 from femnl.observe.extended import ExtendedModel
@@ -82,9 +82,11 @@ def effect_tests(
                 partial(change, mine, name), len(mine), steps[name], one.high, target
             )
             slopes.append(by_shape)
+        # Of all shapes at once: the model's own tangents are long, and each product reads them
+        of_all = left_beside(own, np.concatenate(slopes)).reshape(len(slopes), len(mine), -1)
         for k, shape in enumerate(mine):
-            rows = np.stack([by_shape[k] for by_shape in slopes])
-            basis = beside(own, rows)
+            free = of_all[:, k]
+            basis = basis_of(free, np.stack([by_shape[k] for by_shape in slopes]))
             if len(basis) == 0:  # of second order, or not to be seen at all
                 rows = np.stack(
                     [
@@ -92,9 +94,9 @@ def effect_tests(
                         for one in strengths
                     ]
                 )
-                basis = beside(own, rows)
+                free = left_beside(own, rows)
+                basis = basis_of(free, rows)
             if len(basis):
-                free = rows - (rows @ own) @ own.T
                 found.append(_effect_test(result, effect, shape, strengths, free, basis))
     return found
 
@@ -145,18 +147,19 @@ def _effect_test(
     high = [one.high for one in strengths]
     # What the priors know of strengths that hardly show
     known = np.diag(np.sqrt(12) / np.subtract(high, low))
+    # Along the basis, where all happens
+    along = basis @ result.residuals
+    moved = free @ basis.T
     estimate = -np.linalg.lstsq(
-        np.vstack([free.T, known]),
-        np.append(result.residuals, np.zeros(len(known))),
-        rcond=None,
+        np.vstack([moved.T, known]), np.append(along, np.zeros(len(known))), rcond=None
     )[0]
     allowed = np.clip(estimate, low, high)
-    rest = result.residuals + allowed @ free
-    gain = max(result.chi2 - float(rest @ rest), 0.0)
+    rest = along + allowed @ moved
+    square = float(along @ along)
+    gain = max(square - float(rest @ rest), 0.0)
     named = shape | {
         one.spec.name: float(strength) for one, strength in zip(strengths, allowed, strict=True)
     }
-    square = float(np.sum((basis @ result.residuals) ** 2))
     return ScoreTest(effect.name, effect, stored(basis), square, len(basis), gain, named)
 
 

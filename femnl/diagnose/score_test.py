@@ -62,17 +62,22 @@ def stored(basis: Array) -> NDArray[np.floating]:
     return basis.astype(np.float32) if basis.shape[1] > LONG else basis
 
 
-def beside(own: Array, tangents: Array) -> Array:
-    """Return an orthonormal basis of what the tangents reach that the model itself does not."""
+def left_beside(own: Array, tangents: Array) -> Array:
+    """Return what of tangents (k, n) a model's own, orthonormal (n, p), do not reach."""
+    return np.asarray(tangents - (tangents @ own) @ own.T)
+
+
+def basis_of(free: Array, tangents: Array) -> Array:
+    """Return an orthonormal basis (q, n) of what is left of tangents (k, n), where it is visible.
+
+    Args: free (k, n): what is left of each.
+    """
     size = np.linalg.norm(tangents, axis=1, keepdims=True)
-    unit = tangents / np.where(size > 0, size, 1)
-    free = unit - (unit @ own) @ own.T
-    # Most are, and a decomposition of so long a row takes longer than the predictions
-    if len(free) == 1:
-        strength = np.linalg.norm(free, axis=1)
-        return np.asarray(free[strength > np.sqrt(VISIBLE)] / strength)
-    _, strength, right = np.linalg.svd(free, full_matrices=False)
-    return np.asarray(right[strength > np.sqrt(VISIBLE)])
+    unit = free / np.where(size > 0, size, 1)
+    # By their products: a decomposition of so long rows takes longer than the predictions
+    square, turned = np.linalg.eigh(unit @ unit.T)
+    visible = square > VISIBLE
+    return np.asarray((turned[:, visible] / np.sqrt(square[visible])).T @ unit)
 
 
 def chi_square_tail(square: Array, degrees: int) -> Array:

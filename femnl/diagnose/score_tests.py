@@ -8,7 +8,7 @@ import numpy as np
 from femnl.core.effect import Effect, Values
 from femnl.core.readout import Array
 from femnl.diagnose.effect_tests import effect_tests
-from femnl.diagnose.score_test import ScoreTest, beside, stored
+from femnl.diagnose.score_test import ScoreTest, basis_of, left_beside, stored
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.fits.least_squares import FitResult
@@ -71,7 +71,7 @@ def _of_patterns(result: FitResult, own: Array) -> list[ScoreTest]:
     named = result.model.base_model.residual_directions(result.model.effects, base, values)
     found = []
     for name, direction in named.items():
-        basis = beside(own, direction[None])
+        basis = basis_of(left_beside(own, direction[None]), direction[None])
         if len(basis):
             square = float(np.sum((basis @ result.residuals) ** 2))
             found.append(ScoreTest(name, None, stored(basis), square, len(basis), square, {}))

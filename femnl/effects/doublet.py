@@ -19,7 +19,8 @@ def join(motion: Motion, values: Values) -> Motion:
     j = int(others[round(values["partner"]) - 1])
     partner = motion.shapes[j]
     for k in others:
-        if k != j and np.isclose(motion.frequencies[k], motion.frequencies[j], rtol=PAIRED, atol=0):
+        apart = abs(motion.frequencies[k] - motion.frequencies[j])
+        if k != j and apart <= PAIRED * motion.frequencies[j]:
             partner = np.cos(values["turn"]) * partner + np.sin(values["turn"]) * motion.shapes[k]
             break
     share = complex(values["in_phase"], values["quadrature"])

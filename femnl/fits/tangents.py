@@ -33,7 +33,7 @@ def tangents(model: ExtendedModel, vector: Array, at: Array, first: Array) -> tu
     """
     width = np.subtract(*model.bounds[::-1])
     steps = first.copy()
-    slopes = np.zeros((len(at), vector.size))
+    slopes = _room(vector, at)
     lanes = _lanes(model, at)
     for tries in range(TRIES, -1, -1):
         moved = _moved(model, vector, lanes, steps)
@@ -75,7 +75,7 @@ def steps_for(model: ExtendedModel, size: Array, steps: Array | None = None) -> 
 
 def jacobian_at(model: ExtendedModel, vector: Array, at: Array, steps: Array) -> Array:
     """Return the derivatives of the residuals, taken away from the nearer bound."""
-    slopes = np.zeros((len(at), vector.size))
+    slopes = _room(vector, at)
     lanes = _lanes(model, at)
     moved = _moved(model, vector, lanes, steps)
     found = model.residuals_of_each(moved)
@@ -83,6 +83,14 @@ def jacobian_at(model: ExtendedModel, vector: Array, at: Array, steps: Array) ->
         change = np.where(mask, residuals - at, 0.0)
         slopes[:, place] = change.T / (there - vector)[place]
     return slopes
+
+
+def _room(vector: Array, at: Array) -> Array:
+    """Return derivatives (n, p) of 0; those by one parameter lie side by side in memory.
+
+    They are written and decomposed column by column, which in rows takes three times as long.
+    """
+    return np.zeros((vector.size, len(at))).T
 
 
 def _lanes(model: ExtendedModel, at: Array) -> list[Lane]:

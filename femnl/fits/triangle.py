@@ -35,7 +35,8 @@ class Triangle:
         whole = self._residuals(vector)
         chi2 = float(whole @ whole)
         if chi2 < self._least:
-            both = np.column_stack([self._slopes(vector), whole])
+            # Stacked in columns that lie side by side, as a decomposition reads them
+            both = np.vstack([self._slopes(vector).T, whole]).T
             self._triangle = np.asarray(np.linalg.qr(both, mode="r"))
             self._place = vector.tobytes()
             self._least = chi2

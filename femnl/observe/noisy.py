@@ -66,6 +66,11 @@ class NoisyModel(MeasurementModel):
         kept[list(self.noise.glitches)] = False
         return kept
 
+    @cached_property
+    def _factor(self) -> Array:
+        """Standard deviation (n_bare,) over the stated one; prior knowledge has the stated one."""
+        return np.where(self.around.datum < 0, 1.0, self.noise.factor)
+
     @property
     def variant(self) -> str:
         """The noise that was found."""
@@ -79,7 +84,7 @@ class NoisyModel(MeasurementModel):
 
     def white(self, whole: Array) -> Array:
         """Turn residuals (…, n_bare) in stated σ into those of unit variance, without glitches."""
-        scaled = whole / np.where(self.around.datum < 0, 1.0, self.noise.factor)
+        scaled = whole / self._factor
         rho = self.noise.correlation
         if rho:
             white = scaled.copy()
@@ -87,7 +92,7 @@ class NoisyModel(MeasurementModel):
             earlier = scaled[..., self.around.previous[at]]
             white[..., at] = (scaled[..., at] - rho * earlier) / np.sqrt(1 - rho**2)
             scaled = white
-        return np.asarray(scaled[..., self.kept])
+        return np.asarray(scaled[..., self.kept]) if self.noise.glitches else scaled
 
     @property
     def independent_blocks(self) -> tuple[Mapping[str, NDArray[np.bool_]], ...]:

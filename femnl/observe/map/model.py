@@ -83,6 +83,11 @@ class MapModel(MeasurementModel):
         return f"every {self.step}" if self.step > 1 else ""
 
     @cached_property
+    def _complete(self) -> bool:
+        """Whether no value of the map is missing."""
+        return bool(self.present.all())
+
+    @cached_property
     def _finer(self) -> Finer:
         """The grid on which a spot of finite size is averaged."""
         return Finer(Axis.beside(self.axes[0]), Axis.beside(self.axes[1]))
@@ -248,8 +253,8 @@ class MapModel(MeasurementModel):
         return self._real(self.measured - self.predict(effects, base, values))
 
     def _real(self, volts: ComplexArray) -> Array:
-        kept = volts[self.present] / self.noise
-        return np.concatenate([kept.real, kept.imag])
+        kept = volts.ravel() if self._complete else volts[self.present]
+        return np.concatenate([kept.real, kept.imag]) / self.noise
 
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
