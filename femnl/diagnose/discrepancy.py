@@ -218,10 +218,14 @@ class _Seen:
         square = (
             rest * per_scatter + float(seen @ seen) / smooth - np.sum(gradient * shift, axis=-1)
         )
-        _, volume = np.linalg.slogdet(fisher)
+        # Rounding must not take from what the priors know
+        along, turned = np.linalg.eigh(fisher)
+        along = np.maximum(along, known.min())
+        volume = np.sum(np.log(along), axis=-1)
         level = -0.5 * (square + k * np.log(smooth) + allowed.pieces * np.log(scatter) + volume)
         best = np.unravel_index(int(np.argmax(level)), level.shape)
-        spread = np.sqrt(np.diag(np.linalg.inv(fisher[best]))[: width.size]) * width
+        variance = np.sum(turned[best] ** 2 / along[best][None, :], axis=1)
+        spread = np.sqrt(variance[: width.size]) * width
         prior = log_prior(result.model, result.vector, spread) + float(np.sum(np.log(width)))
         constant = 0.5 * width.size * np.log(2 * np.pi) - np.log(level.size)
         return float(logsumexp(level) + prior + constant)

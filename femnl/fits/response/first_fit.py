@@ -15,14 +15,19 @@ from femnl.observe.response.sweeps import collect
 
 FAR_BETTER = 4.0
 """Factor by which a background must lower χ² before it is taken to hide the resonance."""
+ELSEWHERE = 1.0
+LED_ASTRAY = 100.0
+"""Linewidths by which a weaker background must lead a fit without it away from the mode, and factor
+by which it must lower χ² there, before it is taken to hide the resonance.
+"""
 BENT = 10.0
 """Reduced χ² of a fit to all drives, and its factor over that of one to the weakest, from which on
 strong drives may show something else than the mode.
 """
 CERTAIN = 5.0
 SHOWN = 0.1
-"""Standard deviations of a stiffening of weak sweeps that is believed, and its part of the critical
-one where a misfit that is plain there, too, withholds them.
+"""Standard deviations of a stiffening or softening that is believed, and its part of the critical
+one where a misfit withholds them.
 """
 
 
@@ -32,7 +37,10 @@ def first_fit(
     """Return the sign of the phase, and the values of a fit of one mode by their names.
 
     Among them are `background` [V/V]: how strong the background is that hides the mode, 0 where
-    none does; and `hidden`: 1 where a background or strong drives hide the mode, 0 elsewhere.
+    none does; `hidden`: 1 where a background or strong drives hide the mode, 0 elsewhere; and
+    `softens`: 1 where the fit is sure that the mode softens, 0 elsewhere. Where it is sure of
+    neither sign, as with a linear mode, α is no smaller than its standard deviation, so that what
+    the data allow is within reach of a fit that starts there.
 
     Each process of a diagnosis poses the sweeps: the checkpoint keeps for the others what the first
     one found in seconds.
@@ -48,16 +56,22 @@ def first_fit(
         fitted, background = _fitted(dataset, sign, place, clear.reference)
         weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
         hidden = background > 0 or weak is not None
-        found = [(weak or fitted)[name] for name in names]
-        return np.array([*found, background, float(hidden)]), np.array([sign])
+        shown = weak or fitted
+        values = {name: shown[name] for name in names}
+        turns = _shown_sign(shown, names[2])
+        if turns == 0 and np.isfinite(sd := shown.parameters[names[2]].sd):
+            values[names[2]] = max(abs(values[names[2]]), sd)
+        told = [background, float(hidden), float(turns < 0)]
+        return np.array([*values.values(), *told]), np.array([sign])
 
     if checkpoint is None:
         values, sign = find()
     else:
         digest = hashlib.sha256(clear.frequency.tobytes() + clear.voltage.tobytes())
-        what = f"first fit of sweeps, or beside a background, {digest.hexdigest()}"
+        what = f"first fit of sweeps, sure that they soften or not, {digest.hexdigest()}"
         values, sign = checkpoint.recall(what, find)
-    return int(sign[0]), dict(zip([*names, "background", "hidden"], values.tolist(), strict=True))
+    told = ["background", "hidden", "softens"]
+    return int(sign[0]), dict(zip([*names, *told], values.tolist(), strict=True))
 
 
 def _fitted(
@@ -67,7 +81,7 @@ def _fitted(
 
     Damping that grows with the amplitude, or a background, is in it where that describes the data.
     Whether they are there is for the diagnosis to say; here they only make the start safe. A
-    background that is weaker than the resonance hides nothing: the mode is found without it.
+    background that is weaker than the resonance mostly hides nothing: the mode is found without it.
     """
     best = _without_background(dataset, sign)
     if best.chi2_reduced < ADEQUATE:
@@ -77,7 +91,11 @@ def _fitted(
     )
     background = max(_leak(beside, name, reference) for name in place)
     resonance = max(beside[f"y_max{name}"] for name in place)
-    hidden = background > resonance and beside.chi2_reduced < best.chi2_reduced / FAR_BETTER
+    gain = best.chi2_reduced / beside.chi2_reduced
+    away = abs(best["frequency"] - beside["frequency"]) / beside["linewidth"]
+    hidden = (background > resonance and gain > FAR_BETTER) or (
+        away > ELSEWHERE and gain > LED_ASTRAY
+    )
     return (beside, background) if hidden else (best, 0.0)
 
 
@@ -122,9 +140,7 @@ def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) 
     levels = [level for level in levels if collect(level).n_positions == places]
     if levels and levels[0].sizes["sweep"] < len(drive):
         weak = _without_background(levels[0], sign)
-        untold = not np.isfinite(weak.parameters[stiffness].sd)
-        stiffens = weak["alpha_ratio"] > SHOWN if untold else _sure_sign(weak, stiffness) > 0
-        if stiffens and weak.chi2_reduced < fitted.chi2_reduced / BENT:
+        if _shown_sign(weak, stiffness) > 0 and weak.chi2_reduced < fitted.chi2_reduced / BENT:
             return weak
     order = np.argsort(drive, kind="stable") if len(drive) > 1 else ()
     single = [dataset.isel(sweep=[row]) for row in order] if places == 1 else levels
@@ -134,6 +150,17 @@ def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) 
         if alone.chi2_reduced < BENT and sign_of_stiffness:
             return alone if sign_of_stiffness > 0 else None
     return None
+
+
+def _shown_sign(fitted: Fit, stiffness: str) -> int:
+    """Return the sign of α that a fit shows, 0 where it may be of either sign.
+
+    Where a misfit withholds the standard deviation, it must bend the resonance visibly.
+    """
+    if np.isfinite(fitted.parameters[stiffness].sd):
+        return _sure_sign(fitted, stiffness)
+    ratio = fitted["alpha_ratio"]
+    return int(np.sign(ratio)) if abs(ratio) > SHOWN else 0
 
 
 def _sure_sign(fitted: Fit, stiffness: str) -> int:

@@ -15,11 +15,17 @@ from femnl.fits.response.first_fit import first_fit
 from femnl.fits.response.spikes import without_spikes
 from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.response.extent import extent
+from femnl.observe.response.extent import Extent, extent
 from femnl.observe.response.model import ALPHA_SD, ResponseModel
 from femnl.observe.response.sweeps import Sweeps, collect
 from femnl.observe.response.timing import timing
 
+WIDER = 20.0
+"""How far from the first fit, as a factor, linewidth, motion and responsivity may be."""
+FARTHEST = 1e4
+"""How far the responsivity may be where less would bend the resonance by what the noise shows."""
+UNSEEN = 0.1
+"""Noise by which a mode that moves so little that it is linear may deviate from a linear one."""
 LARGER = 2.0
 """How often as strong as the background that hides the resonance backgrounds may be."""
 
@@ -49,11 +55,12 @@ def pose(
     responsivity = [float(metre * s / slope[0]) for s in slope]
     peak = slope[0] / metre
     leak = max(slope[0], LARGER * fitted["background"], _highest(sweeps))
-    softens = bool(ratio * alpha < 0)
+    softens = fitted["softens"] > 0
     everywhere = extent(sweeps, np.array(responsivity), np.ones(len(sweeps.frequency), dtype=bool))
     when = timing(dataset, sweeps)
     wavelength = float(dataset.attrs.get("wavelength", 0.0))
-    base, start = _base(fitted, sweeps.span, peak, responsivity, place)
+    linear = _linear(fitted, alpha, everywhere, sweeps.noise)
+    base, start = _base(fitted, sweeps.span, peak, responsivity, linear, place)
     return ResponseModel(
         sweeps=sweeps,
         wavelength=wavelength,
@@ -104,27 +111,39 @@ def _highest(sweeps: Sweeps) -> float:
     return float(np.quantile(by_drive, 1 - MOST_GLITCHES)) / sweeps.reference
 
 
+def _linear(fitted: Mapping[str, float], alpha: float, seen: Extent, noise: float) -> float:
+    """Return how many times as responsive a readout is in whose metres the mode is linear.
+
+    There the shift ⅜ α u² f₀ by the largest motion u is a part of the linewidth as small as the
+    noise is of the largest signal. A first fit beside a background may be far more nonlinear.
+    """
+    shift = 0.375 * abs(alpha) * seen.motion**2 * fitted["frequency"] / fitted["linewidth"]
+    least = UNSEEN * noise / seen.largest
+    return float(np.clip(np.sqrt(shift / max(least, shift / FARTHEST**2)), WIDER, FARTHEST))
+
+
 def _base(
     fitted: Mapping[str, float],
     span: float,
     peak: float,
     responsivity: list[float],
+    linear: float,
     place: tuple[str, ...],
 ) -> tuple[tuple[ParameterSpec, ...], Array]:
     """Return the parameters of the base model with their ranges, and where they start.
 
     span [Hz]: of the sweeps. peak [m/V]: linear amplitude at resonance by drive. responsivity
-    [V/m]: at each place.
+    [V/m]: at each place; the mode is linear in the metres of one `linear` times as large.
     """
     f0 = fitted["frequency"]
     width = fitted["linewidth"]
     phases = [fitted[f"phase{name}"] for name in place]
     base = (
         ParameterSpec("frequency", "Hz", f0 - span, f0 + span),
-        ParameterSpec("linewidth", "Hz", width / 20, 20 * width),
-        ParameterSpec("peak", "m/V", 0.0, 20 * peak),
+        ParameterSpec("linewidth", "Hz", width / WIDER, WIDER * width),
+        ParameterSpec("peak", "m/V", 0.0, WIDER * peak),
         *(
-            ParameterSpec(f"responsivity{name}", "V/m", 0.0, 20 * gain)
+            ParameterSpec(f"responsivity{name}", "V/m", 0.0, linear * gain)
             for name, gain in zip(place, responsivity, strict=True)
         ),
         *(
