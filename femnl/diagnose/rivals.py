@@ -98,13 +98,15 @@ def _least_p(candidate: Candidate) -> float:
 def contradicted(best: Candidate, others: list[Candidate]) -> bool:
     """Whether another set predicts unseen data clearly better.
 
-    Not in one block alone, as where chance struck, but on the whole. Whether one cause more than in
-    the best set is worth its parameters is for the evidence to say.
+    Not in one block alone, as where chance struck or where there is but one, but on the whole.
+    Whether one cause more than in the best set is worth its parameters is for the evidence to say.
     """
     for other in (c for c in others if not set(best.names) < set(c.names)):
         gains = np.subtract(
             other.result.cross_validation.densities, best.result.cross_validation.densities
         )
+        if len(gains) < 2:
+            return False
         error = np.sqrt(len(gains)) * np.std(gains, ddof=1)
         if np.sum(gains) > THRESHOLDS.contradicting_errors * error:
             return True

@@ -1,0 +1,88 @@
+"""Sweeps of a mode that moves so little that it is linear: the commonest measurement of all."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl.core.diagnosis import Diagnosis
+from femnl.diagnose import diagnose
+from femnl.fits.response.first_fit import first_fit
+from femnl.io import measurement
+
+F0 = 25405.0
+WIDTH = 4.2
+HEIGHT = 0.16
+LEAK = 0.06 * np.exp(1.1j)
+"""Resonance and leak by the drive, in V/V."""
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Sweeps upwards at each drive [V]; noise: by the signal of the strongest one."""
+
+    drives: tuple[float, ...] = (0.1,)
+    leak: complex = 0.0
+    noise: float = 1e-3
+    seed: int = 1
+    frequency: NDArray[np.float64] = field(
+        default_factory=lambda: np.linspace(F0 - 60, F0 + 50, 180)
+    )
+
+    def data(self) -> xr.Dataset:
+        """Return them as measured."""
+        rng = np.random.default_rng(self.seed)
+        drives = np.array(self.drives)[:, None]
+        clear = HEIGHT * np.exp(-0.7j) / (1 + 2j * (self.frequency - F0) / WIDTH) + self.leak
+        sd = self.noise * HEIGHT * drives.max()
+        noise = sd * rng.standard_normal((2, len(drives), len(self.frequency)))
+        return measurement.response(
+            np.broadcast_to(self.frequency, (len(drives), len(self.frequency))),
+            drives * clear + noise[0] + 1j * noise[1],
+            noise_sd=sd,
+            mode="1,1",
+            drive=drives[:, 0],
+            direction=np.ones(len(drives)),
+        )
+
+    def diagnose(self, path: Path, *, alone: bool = False) -> Diagnosis:
+        """Write them to a file, and diagnose it; with the base model alone where asked for."""
+        bundle = measurement.bundle({"sweeps": self.data()}, geometry="square-270um")
+        measurement.write(bundle, path)
+        return diagnose(path, effects=[] if alone else None)
+
+
+@pytest.mark.parametrize(
+    ("drives", "seed"), [((0.1,), 1), ((0.1,), 3), ((0.025, 0.05, 0.1), 4), ((0.025, 0.05, 0.1), 5)]
+)
+def test_a_linear_mode_is_adequate_whichever_way_noise_bends_it(
+    tmp_path: Path, drives: tuple[float, ...], seed: int
+) -> None:
+    # The noise of all but the second bends it downwards
+    found = Linear(drives, seed=seed).diagnose(tmp_path / "a.nc", alone=True)
+    assert found.verdict == "adequate", (found.p_value, found.where)
+    assert found.parameters["base"]["frequency"].value == pytest.approx(F0, abs=0.02)
+    assert found.parameters["base"]["linewidth"].value == pytest.approx(WIDTH, abs=0.02)
+
+
+@pytest.mark.parametrize("noise", [pytest.param(1e-3, marks=pytest.mark.slow), 2e-5])
+def test_a_leak_weaker_than_the_resonance_leads_no_linear_mode_astray(
+    tmp_path: Path, noise: float
+) -> None:
+    found = Linear(leak=LEAK, noise=noise).diagnose(tmp_path / "a.nc")
+    assert found.causes == ("crosstalk",), (found.verdict, found.where)
+    assert found.parameters["crosstalk"]["real"].value == pytest.approx(LEAK.real, rel=1e-2)
+    assert found.parameters["crosstalk"]["imag"].value == pytest.approx(LEAK.imag, rel=1e-2)
+    assert found.parameters["base"]["frequency"].value == pytest.approx(F0, abs=0.02)
+
+
+def test_a_first_fit_starts_a_linear_mode_within_what_noise_allows() -> None:
+    _, plain = first_fit(Linear(seed=1).data(), ("",), None)
+    assert plain["softens"] == 0
+    assert plain["alpha_y"] > 0
+    _, beside = first_fit(Linear(leak=LEAK).data(), ("",), None)
+    assert beside["hidden"] == 1
+    assert beside["frequency"] == pytest.approx(F0, abs=0.02)
