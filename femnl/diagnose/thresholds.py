@@ -216,7 +216,7 @@ class Thresholds:
     )
     most_blocks: float = _threshold(
         0.7,
-        "part of the blocks whose held-out prediction a named set must improve",
+        "part of the data in blocks whose held-out prediction a named set must improve",
         _REALISTIC,
     )
     pairs_tried: int = _threshold(

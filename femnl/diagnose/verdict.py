@@ -240,12 +240,17 @@ def _clearly_likelier(weighed: Weighed) -> bool:
 
 
 def _takes_up_most(candidate: Candidate, weighed: Weighed) -> bool:
-    """Whether a set takes up most of the held-out excess χ², in most blocks."""
+    """Whether a set takes up most of the held-out excess χ², in blocks that hold most of the data.
+
+    The α of a simulated film is a block of its own, but hardly counts beside a sweep.
+    """
     before = weighed.base.result.cross_validation
     after = candidate.result.cross_validation
-    excess = np.array(before.squares) - np.array(before.sizes)
+    sizes = np.array(before.sizes)
+    excess = np.array(before.squares) - sizes
     taken = np.array(before.squares) - np.array(after.squares)
     if taken.sum() < weighed.graded.least_share(candidate) * excess.sum():
         return False
     telling = excess > 0
-    return bool(np.mean(taken[telling] > 0) >= THRESHOLDS.most_blocks)
+    better = np.average(taken[telling] > 0, weights=sizes[telling])
+    return bool(better >= THRESHOLDS.most_blocks)

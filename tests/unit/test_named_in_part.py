@@ -25,6 +25,19 @@ def test_a_further_cause_takes_up_most_of_what_the_others_leave(
     assert (judged.verdict, judged.chosen.names) == ("explained in part", named)
 
 
+def test_a_block_of_one_datum_counts_as_one_datum() -> None:
+    """All data are one sweep, but for a known number from which the cause leads away."""
+    noise = np.random.default_rng(20261201).standard_normal(N)
+    data = STRONG * PLACE + 8.0 * np.sin(25 * PLACE) + noise
+    known = np.arange(N) == N // 2 + 6
+    data[known] = 0.4 * STRONG * PLACE[known]
+    blocks = known.astype(np.int64)
+    line = cause("line", 1, 0.001)
+    model = Level(data, blocks, 1e4, {"any swing": PLACE**3})
+    judged = judge([candidate(model), candidate(model, line)])
+    assert (judged.verdict, judged.chosen.names) == ("explained in part", ("line",))
+
+
 @pytest.mark.parametrize("wave", [8.0, 200.0])
 def test_one_of_several_like_causes_is_told_whatever_a_further_one_adds_to_each(
     wave: float,
