@@ -1,6 +1,6 @@
 """Sweeps of a mode that moves so little that it is linear: the commonest measurement of all."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,21 +22,26 @@ LEAK = 0.06 * np.exp(1.1j)
 
 @dataclass(frozen=True)
 class Linear:
-    """Sweeps upwards at each drive [V]; noise: by the signal of the strongest one."""
+    """Sweeps upwards at each drive [V]; noise: by the signal of the strongest one; width [Hz]."""
 
     drives: tuple[float, ...] = (0.1,)
     leak: complex = 0.0
     noise: float = 1e-3
     seed: int = 1
-    frequency: NDArray[np.float64] = field(
-        default_factory=lambda: np.linspace(F0 - 60, F0 + 50, 180)
-    )
+    width: float = WIDTH
+
+    @property
+    def frequency(self) -> NDArray[np.float64]:
+        """Of the drive [Hz]."""
+        return np.linspace(F0 - 14 * self.width, F0 + 12 * self.width, 180)
 
     def data(self) -> xr.Dataset:
-        """Return them as measured."""
+        """Return them as measured, by the whole equation of a driven oscillator."""
         rng = np.random.default_rng(self.seed)
         drives = np.array(self.drives)[:, None]
-        clear = HEIGHT * np.exp(-0.7j) / (1 + 2j * (self.frequency - F0) / WIDTH) + self.leak
+        f = self.frequency
+        clear = F0 * self.width / (F0**2 - f**2 + 1j * f * self.width)
+        clear = HEIGHT * np.exp(0.9j) * clear + self.leak
         sd = self.noise * HEIGHT * drives.max()
         noise = sd * rng.standard_normal((2, len(drives), len(self.frequency)))
         return measurement.response(
@@ -66,6 +71,13 @@ def test_a_linear_mode_is_adequate_whichever_way_noise_bends_it(
     assert found.verdict == "adequate", (found.p_value, found.where)
     assert found.parameters["base"]["frequency"].value == pytest.approx(F0, abs=0.02)
     assert found.parameters["base"]["linewidth"].value == pytest.approx(WIDTH, abs=0.02)
+
+
+def test_a_linear_mode_that_a_gas_damps_is_adequate_far_from_its_resonance(tmp_path: Path) -> None:
+    """Its Q is 63: there a rotating wave is off by 1/(4Q) of the height, four times the noise."""
+    found = Linear(width=F0 / 63).diagnose(tmp_path / "a.nc", alone=True)
+    assert found.verdict == "adequate", (found.p_value, found.where)
+    assert found.parameters["base"]["linewidth"].value == pytest.approx(F0 / 63, rel=5e-3)
 
 
 @pytest.mark.parametrize("noise", [pytest.param(1e-3, marks=pytest.mark.slow), 2e-5])

@@ -164,11 +164,12 @@ class ResponseModel(MeasurementModel):
         gains = gains_at(data.position, self.place, base)
         volts = data.drive * data.reference
         delta, bend, states = self._states(mode, data, linear)
+        moved = linear * mode.frequency / data.frequency
 
         def read_out(b: ComplexArray) -> ComplexArray:
             signal = Signal(
-                gains * linear * b,
-                linear * np.abs(b),
+                gains * moved * b,
+                moved * np.abs(b),
                 volts,
                 self.wavelength,
                 self.largest,
@@ -224,20 +225,25 @@ class ResponseModel(MeasurementModel):
     def _states(
         self, mode: Oscillator, data: Sweeps, linear: Array
     ) -> tuple[Array, ComplexArray, ComplexArray]:
-        """Return δ (n,), a (n,) without its quintic part, and b = A/(A₁F) (2, n).
+        """Return δ (n,), a (n,) without its quintic part, and b = A f/(A₁F f₀) (2, n).
 
-        The rows of b are the low and the high branch, continued past its fold.
+        The rows of b are the low and the high branch, continued past its fold. The balance of the
+        first harmonic, (f₀² − f² + i f w) A + … = f₀ w A₁F, whose linear part is exact, is that of
+        the rotating wave in these units, with the mode at its square and A in parts of A₁F f₀/f.
         """
         f0 = mode.frequency
+        f = data.frequency
+        linear = linear * f0 / f
         per = 2 / mode.linewidth
-        delta = per * (f0 - data.frequency)
+        delta = per * (f0**2 - f**2) / (2 * f)
+        per_f = per * f0 / f
         cubic = (
-            per * 0.375 * f0 * mode.alpha * linear**2
+            per_f * 0.375 * f0 * mode.alpha * linear**2
             + 1j * np.maximum(mode.damping, 0) * linear**2 / 4
         )
-        fifth = per * 0.3125 * f0 * mode.quintic * linear**4
+        fifth = per_f * 0.3125 * f0 * mode.quintic * linear**4
         scale = linear**2 * (3 * f0 * abs(mode.alpha)) / (8 * mode.linewidth)
-        pulled = per * mode.pull * scale
+        pulled = per_f * mode.pull * scale
         both = self._solved(delta, cubic, fifth, pulled, scale, mode.order)
         return delta, cubic + (pulled if mode.order == 2 else 0), both
 

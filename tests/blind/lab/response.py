@@ -175,21 +175,25 @@ class ResponseBench:
                 time = np.asarray(self.time + self.duration * (k + 0.5) / self.points, np.float64)
                 whole = float(self.time.max()) + self.duration
                 time = laws.relaxed(time, whole, spec("frequency_drift", INEXACT))
-            detuning = 2 * (f0 * (1 + rate * time) - self.frequency[point]) / w
-            turn = order * 2 * (crossing - self.frequency[point]) / w + 1j * leaves
+            driven = self.frequency[point]
+            own = f0 * (1 + rate * time)
+            # (f₀² − f² + i f w) A is the whole balance of a linear mode, and f w is taken out of it
+            detuning = (own**2 - driven**2) / (driven * w)
+            ratio = own / driven
+            turn = order * 2 * (crossing - driven) / w + 1j * leaves
             uneven = 1 + spec("unsettled_mode", INEXACT) * np.sin(4 * np.pi * k / self.points)
             flow = np.broadcast_arrays(
                 detuning,
-                cubic,
-                quintic,
+                cubic * ratio,
+                quintic * ratio,
                 loss,
-                drive,
+                drive * ratio,
                 turn,
-                coupling,
+                coupling * np.sqrt(ratio),
                 order,
                 # The first point is taken once the mode has settled.
                 rest * uneven if k else np.inf,
-                septic,
+                septic * ratio,
                 more_loss,
             )
             compiled()(state, other, bool(np.any(coupling)), Flow(*(part.ravel() for part in flow)))
