@@ -140,7 +140,7 @@ def test_the_motion_of_a_fast_sweep_is_known_through_its_jumps() -> None:
         "frequency": F0,
         "linewidth": bench.width,
         "peak": bench.peak * metre,
-        "responsivity": STRONGEST / np.abs(motion).max() / metre,
+        "height": STRONGEST / np.abs(motion).max() * bench.peak,
         "phase": 0.4,
     }
     found = model.predict([library()["unsettled_mode"]], base, [{"kept": kept}])

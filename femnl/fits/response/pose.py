@@ -15,17 +15,13 @@ from femnl.fits.response.first_fit import first_fit
 from femnl.fits.response.spikes import without_spikes
 from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.response.extent import Extent, extent
+from femnl.observe.response.extent import extent
 from femnl.observe.response.model import ALPHA_SD, ResponseModel
 from femnl.observe.response.sweeps import Sweeps, collect
 from femnl.observe.response.timing import timing
 
 WIDER = 20.0
-"""How far from the first fit, as a factor, linewidth, motion and responsivity may be."""
-FARTHEST = 1e4
-"""How far the responsivity may be where less would bend the resonance by what the noise shows."""
-UNSEEN = 0.1
-"""Noise by which a mode that moves so little that it is linear may deviate from a linear one."""
+"""How far from the first fit, as a factor, linewidth, motion and height may be."""
 LARGER = 2.0
 """How often as strong as the background that hides the resonance backgrounds may be."""
 
@@ -52,15 +48,14 @@ def pose(
     slope = [fitted[f"y_max{name}"] for name in place]
     ratio = fitted[f"alpha_y{place[0]}"]
     metre = float(np.sqrt(alpha / abs(ratio))) if ratio else slope[0] / 1e-7
-    responsivity = [float(metre * s / slope[0]) for s in slope]
     peak = slope[0] / metre
     leak = max(slope[0], LARGER * fitted["background"], _highest(sweeps))
     softens = fitted["softens"] > 0
-    everywhere = extent(sweeps, np.array(responsivity), np.ones(len(sweeps.frequency), dtype=bool))
+    gains = np.array(slope) / peak
+    everywhere = extent(sweeps, gains, np.ones(len(sweeps.frequency), dtype=bool))
     when = timing(dataset, sweeps)
     wavelength = float(dataset.attrs.get("wavelength", 0.0))
-    linear = _linear(fitted, alpha, everywhere, sweeps.noise)
-    base, start = _base(fitted, sweeps.span, peak, responsivity, linear, place)
+    base, start = _base(fitted, sweeps.span, peak, slope, place)
     return ResponseModel(
         sweeps=sweeps,
         wavelength=wavelength,
@@ -111,29 +106,20 @@ def _highest(sweeps: Sweeps) -> float:
     return float(np.quantile(by_drive, 1 - MOST_GLITCHES)) / sweeps.reference
 
 
-def _linear(fitted: Mapping[str, float], alpha: float, seen: Extent, noise: float) -> float:
-    """Return how many times as responsive a readout is in whose metres the mode is linear.
-
-    There the shift ⅜ α u² f₀ by the largest motion u is a part of the linewidth as small as the
-    noise is of the largest signal. A first fit beside a background may be far more nonlinear.
-    """
-    shift = 0.375 * abs(alpha) * seen.motion**2 * fitted["frequency"] / fitted["linewidth"]
-    least = UNSEEN * noise / seen.largest
-    return float(np.clip(np.sqrt(shift / max(least, shift / FARTHEST**2)), WIDER, FARTHEST))
-
-
 def _base(
     fitted: Mapping[str, float],
     span: float,
     peak: float,
-    responsivity: list[float],
-    linear: float,
+    height: list[float],
     place: tuple[str, ...],
 ) -> tuple[tuple[ParameterSpec, ...], Array]:
     """Return the parameters of the base model with their ranges, and where they start.
 
-    span [Hz]: of the sweeps. peak [m/V]: linear amplitude at resonance by drive. responsivity
-    [V/m]: at each place; the mode is linear in the metres of one `linear` times as large.
+    The height of a resonance is free of how far the mode moves, which shows in how it bends alone:
+    a linear mode has no peak that the data know, and the same height.
+
+    span [Hz]: of the sweeps. peak [m/V], height [V/V]: linear amplitude at resonance by the drive,
+    and what is read of it at each place.
     """
     f0 = fitted["frequency"]
     width = fitted["linewidth"]
@@ -143,15 +129,15 @@ def _base(
         ParameterSpec("linewidth", "Hz", width / WIDER, WIDER * width),
         ParameterSpec("peak", "m/V", 0.0, WIDER * peak),
         *(
-            ParameterSpec(f"responsivity{name}", "V/m", 0.0, linear * gain)
-            for name, gain in zip(place, responsivity, strict=True)
+            ParameterSpec(f"height{name}", "V/V", 0.0, WIDER * size)
+            for name, size in zip(place, height, strict=True)
         ),
         *(
             ParameterSpec(f"phase{name}", "rad", phase - np.pi, phase + np.pi)
             for name, phase in zip(place, phases, strict=True)
         ),
     )
-    return base, np.array([f0, width, peak, *responsivity, *phases])
+    return base, np.array([f0, width, peak, *height, *phases])
 
 
 def _shape(dataset: xr.Dataset, sweeps: Sweeps, film: SimulatedFilm, mode: int) -> Array:

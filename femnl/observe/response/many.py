@@ -59,15 +59,15 @@ def once(find: Callable[..., ComplexArray], count: int) -> Callable[..., Complex
     return found
 
 
-def gains_at(position: NDArray[np.intp], place: tuple[str, ...], base: Values) -> ComplexArray:
-    """Return what each point (n,) shows of the motion, and how its phase is turned [V/m].
+def heights_at(position: NDArray[np.intp], place: tuple[str, ...], base: Values) -> ComplexArray:
+    """Return what each point (n,) shows of the resonance by the drive, with its phase [V/V].
 
     Args: position (n,): of the readout. place: suffix of the parameters of each position.
     """
-    size = [base[f"responsivity{name}"] for name in place]
+    size = [base[f"height{name}"] for name in place]
     turn = [base[f"phase{name}"] for name in place]
     numbers = np.array(np.broadcast_arrays(*size, *turn))
-    gains = numbers[: len(size)] * np.exp(1j * numbers[len(size) :])
-    if gains.ndim > 1:  # a value a point
-        return np.asarray(gains[position, np.arange(gains.shape[1])])
-    return np.asarray(gains[position])
+    heights = numbers[: len(size)] * np.exp(1j * numbers[len(size) :])
+    if heights.ndim > 1:  # a value a point
+        return np.asarray(heights[position, np.arange(heights.shape[1])])
+    return np.asarray(heights[position])

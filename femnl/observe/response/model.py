@@ -20,7 +20,7 @@ from femnl.observe.response.directions import directions_of_signal
 from femnl.observe.response.extent import extent
 from femnl.observe.response.late import LateSweeps, States
 from femnl.observe.response.layout import along_sweeps, marked
-from femnl.observe.response.many import each_point, gains_at, once, portions
+from femnl.observe.response.many import each_point, heights_at, once, portions
 from femnl.observe.response.states import branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps, repeated
 
@@ -79,8 +79,8 @@ class ResponseModel(MeasurementModel):
         used = np.ones(n, dtype=bool)
         used[[residual % n for residual in glitches if residual < 2 * n]] = False
         names = [spec.name for spec in self.base]
-        gain = self.start[[names.index(f"responsivity{place}") for place in self.place]]
-        left = extent(self.sweeps, gain, used)
+        height = self.start[[names.index(f"height{place}") for place in self.place]]
+        left = extent(self.sweeps, height / self.start[names.index("peak")], used)
         scales = {
             "stiffening_square": abs(self.simulated_alpha) / left.motion**2,
             "moving": left.width,
@@ -98,14 +98,14 @@ class ResponseModel(MeasurementModel):
 
     @cached_property
     def independent_blocks(self) -> tuple[Mapping[str, NDArray[np.bool_]], ...]:
-        """Gain and phase of each position move its own points alone."""
+        """Height and phase of each position move its own points alone."""
         masks = [
             self._whole((1 + 1j) * (self.sweeps.position == p)) > 0
             for p in range(self.sweeps.n_positions)
         ]
         return tuple(
             {f"{name}{place}": mask for place, mask in zip(self.place, masks, strict=True)}
-            for name in ("responsivity", "phase")
+            for name in ("height", "phase")
         )
 
     @property
@@ -161,15 +161,15 @@ class ResponseModel(MeasurementModel):
         data = instead or self.sweeps
         mode, _ = self._mode(effects, base, values, data)
         linear = np.maximum(mode.peak * mode.force, np.finfo(float).tiny)
-        gains = gains_at(data.position, self.place, base)
+        heights = heights_at(data.position, self.place, base)
         volts = data.drive * data.reference
         delta, bend, states = self._states(mode, data, linear)
-        moved = linear * mode.frequency / data.frequency
+        above = mode.frequency / data.frequency
 
         def read_out(b: ComplexArray) -> ComplexArray:
             signal = Signal(
-                gains * moved * b,
-                moved * np.abs(b),
+                heights * mode.force * above * b,
+                linear * above * np.abs(b),
                 volts,
                 self.wavelength,
                 self.largest,
