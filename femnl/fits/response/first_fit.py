@@ -53,12 +53,12 @@ def first_fit(
 
     def find() -> tuple[Array, Array]:
         sign = sign_of_phase(clear, first_layout(clear, "complex"))
-        fitted, background = _fitted(dataset, sign, place, clear.reference)
+        fitted, background, clearest = _fitted(dataset, sign, place, clear.reference)
         weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
         hidden = background > 0 or weak is not None
         shown = weak or fitted
         values = {name: shown[name] for name in names}
-        turns = _shown_sign(shown, names[2])
+        turns = _shown_sign(weak or clearest, names[2])
         if turns == 0 and np.isfinite(sd := shown.parameters[names[2]].sd):
             values[names[2]] = max(abs(values[names[2]]), sd)
         told = [background, float(hidden), float(turns < 0)]
@@ -76,8 +76,11 @@ def first_fit(
 
 def _fitted(
     dataset: xr.Dataset, sign: int, place: tuple[str, ...], reference: float
-) -> tuple[Fit, float]:
-    """Return a fit of one mode, and how strong the background is [V/V] that hides it, or 0.
+) -> tuple[Fit, float, Fit]:
+    """Return a fit of one mode, how strong the background is [V/V] that hides it, or 0, and a fit.
+
+    The last one tells whether the mode stiffens or softens: it is that beside a background where
+    this is far better, since a leak bends a linear resonance either way.
 
     Damping that grows with the amplitude, or a background, is in it where that describes the data.
     Whether they are there is for the diagnosis to say; here they only make the start safe. A
@@ -85,7 +88,7 @@ def _fitted(
     """
     best = _without_background(dataset, sign)
     if best.chi2_reduced < ADEQUATE:
-        return best, 0.0
+        return best, 0.0, best
     beside = fit_response(
         dataset, "complex", background="slope", duffing=True, delay=True, phase_sign=sign
     )
@@ -93,10 +96,11 @@ def _fitted(
     resonance = max(beside[f"y_max{name}"] for name in place)
     gain = best.chi2_reduced / beside.chi2_reduced
     away = abs(best["frequency"] - beside["frequency"]) / beside["linewidth"]
-    hidden = (background > resonance and gain > FAR_BETTER) or (
-        away > ELSEWHERE and gain > LED_ASTRAY
-    )
-    return (beside, background) if hidden else (best, 0.0)
+    clearest = beside if gain > FAR_BETTER else best
+    stronger = background > resonance and gain > FAR_BETTER
+    if stronger or (away > ELSEWHERE and gain > LED_ASTRAY):
+        return beside, background, clearest
+    return best, 0.0, clearest
 
 
 def _without_background(dataset: xr.Dataset, sign: int) -> Fit:
