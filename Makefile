@@ -32,6 +32,7 @@ blind: $(READY)  ## hide causes in hundreds of files and count what the diagnosi
 	$(BIN)/python -m tests.blind.imitations build/imitations
 	$(BIN)/python -m tests.blind.chips build/chips --seed 6
 	$(BIN)/python -m tests.blind.odd_devices build/odd_devices --seed 7
+	$(BIN)/python -m tests.blind.linear_sweeps build/linear_sweeps --seed 8
 	$(BIN)/python -m tests.blind.boards validation/blind.json weak=build/blind \
 		realistic=build/realistic chips=build/chips odd_devices=build/odd_devices
 
