@@ -39,8 +39,8 @@ EFFECT = Effect(
     source="σ(T) = σ₀ − E(α_film − α_wafer)ΔT/(1 − ν), Hooke's law of a film that is held to the "
     "wafer along x and y (Ohring, Materials Science of Thin Films, 2nd ed., chapter 12)",
     limits="constants do not depend on temperature: their change over 20 K, 1 % of silicon's α a "
-    "kelvin or less, is left out; a wafer much thicker than the film; a modulus that falls with temperature changes f² "
-    "of a device without tension, such as a reed, in the same way",
+    "kelvin or less, is left out; a wafer much thicker than the film; a modulus that falls "
+    "with temperature changes f² of a device without tension, such as a reed, in the same way",
     sentence="the film stress follows the temperature",
     needs=("temperature", "frequency"),
 )
