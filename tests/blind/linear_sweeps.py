@@ -40,7 +40,8 @@ def make(seed: int) -> tuple[xr.Dataset, dict[str, Any]]:
     rng = np.random.default_rng(seed)
     drawn = {name: float(np.exp(rng.uniform(*np.log(bounds)))) for name, bounds in RANGES.items()}
     cause = str(rng.choice(["", LEAK]))
-    drives = np.sort(np.exp(rng.uniform(*np.log(DRIVES), rng.integers(1, MOST_DRIVES + 1))))
+    low, high = np.log(DRIVES)
+    drives = np.sort(np.exp(rng.uniform(low, high, rng.integers(1, MOST_DRIVES + 1))))
     both_ways = rng.uniform() < 0.5
     if both_ways:
         drives = np.repeat(drives, 2)
