@@ -136,7 +136,7 @@ class Lines:
 class Oscillator:
     """Stage `oscillator`: one driven mode.
 
-    A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) + Π(A/A_s)^{2(p−1)} − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
+    A [m] (f₀²(1 + ¾αA² + ⅝α₅A⁴) + 2f₀Π(A/A_s)^{2(p−1)} − f² + i f w(1 + ¼ηA²)) = f₀ w A₁ F.
 
     frequency f₀ (n_points,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²];
     force F (n_points,) in V of drive, peak A₁ [m/V]: the linear amplitude at resonance; time

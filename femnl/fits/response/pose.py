@@ -125,7 +125,7 @@ def _base(
     width = fitted["linewidth"]
     phases = [fitted[f"phase{name}"] for name in place]
     base = (
-        ParameterSpec("frequency", "Hz", f0 - span, f0 + span),
+        ParameterSpec("frequency", "Hz", max(f0 - span, f0 / WIDER), f0 + span),
         ParameterSpec("linewidth", "Hz", width / WIDER, WIDER * width),
         ParameterSpec("peak", "m/V", 0.0, WIDER * peak),
         *(

@@ -21,7 +21,7 @@ from femnl.observe.response.extent import extent
 from femnl.observe.response.late import LateSweeps, States
 from femnl.observe.response.layout import along_sweeps, marked
 from femnl.observe.response.many import each_point, heights_at, once, portions
-from femnl.observe.response.states import branch_amplitudes, follow
+from femnl.observe.response.states import balance, branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps, repeated
 
 ALPHA_SD = 0.2
@@ -163,7 +163,8 @@ class ResponseModel(MeasurementModel):
         linear = np.maximum(mode.peak * mode.force, np.finfo(float).tiny)
         heights = heights_at(data.position, self.place, base)
         volts = data.drive * data.reference
-        delta, bend, states = self._states(mode, data, linear)
+        balanced = balance(mode, np.asarray(data.frequency), linear)
+        states = self._solved(*balanced)
         above = mode.frequency / data.frequency
 
         def read_out(b: ComplexArray) -> ComplexArray:
@@ -183,7 +184,9 @@ class ResponseModel(MeasurementModel):
         swept = apply("acquisition", Acquisition(), effects, values)
         if not (np.any(swept.motion) or np.any(swept.filtered)):
             return np.asarray(np.take_along_axis(both, chosen[None], axis=0)[0])
-        return self._late.voltage(swept, States(delta, bend, states, both), chosen, read_out)
+        return self._late.voltage(
+            swept, States(balanced.delta, balanced.bend, states, both), chosen, read_out
+        )
 
     @cached_property
     def _late(self) -> LateSweeps:
@@ -221,31 +224,6 @@ class ResponseModel(MeasurementModel):
             return mode, alpha
         observed = apply("oscillator", replace(plain, alpha=-alpha), effects, values)
         return replace(observed, alpha=-alpha), -2 * alpha - observed.alpha
-
-    def _states(
-        self, mode: Oscillator, data: Sweeps, linear: Array
-    ) -> tuple[Array, ComplexArray, ComplexArray]:
-        """Return δ (n,), a (n,) without its quintic part, and b = A f/(A₁F f₀) (2, n).
-
-        The rows of b are the low and the high branch, continued past its fold. The balance of the
-        first harmonic, (f₀² − f² + i f w) A + … = f₀ w A₁F, whose linear part is exact, is that of
-        the rotating wave in these units, with the mode at its square and A in parts of A₁F f₀/f.
-        """
-        f0 = mode.frequency
-        f = data.frequency
-        linear = linear * f0 / f
-        per = 2 / mode.linewidth
-        delta = per * (f0**2 - f**2) / (2 * f)
-        per_f = per * f0 / f
-        cubic = (
-            per_f * 0.375 * f0 * mode.alpha * linear**2
-            + 1j * np.maximum(mode.damping, 0) * linear**2 / 4
-        )
-        fifth = per_f * 0.3125 * f0 * mode.quintic * linear**4
-        scale = linear**2 * (3 * f0 * abs(mode.alpha)) / (8 * mode.linewidth)
-        pulled = per_f * mode.pull * scale
-        both = self._solved(delta, cubic, fifth, pulled, scale, mode.order)
-        return delta, cubic + (pulled if mode.order == 2 else 0), both
 
     def _followed(self, both: ComplexArray, mode: Oscillator) -> NDArray[np.int64]:
         """Return the branch (n,) of each point.
@@ -357,12 +335,12 @@ class ResponseModel(MeasurementModel):
         """Return same sweeps at twice the drives, and off resonance, where only backgrounds are."""
         data = self.sweeps
         away = np.where(data.frequency < self.middle, -FARTHER, FARTHER) * data.span
-        plans = {
-            "the same sweeps at twice the drives": replace(data, reference=2 * data.reference),
-            "the same sweeps twice their width further off resonance, on both sides": replace(
-                data, frequency=data.frequency + away
-            ),
-        }
+        farther = data.frequency + away
+        plans = {"the same sweeps at twice the drives": replace(data, reference=2 * data.reference)}
+        if np.all(farther > 0):
+            plans["the same sweeps twice their width further off resonance, on both sides"] = (
+                replace(data, frequency=farther)
+            )
         return {
             phrase: self._whole(self.predict(effects, base, values, plan) / data.noise)
             for phrase, plan in plans.items()

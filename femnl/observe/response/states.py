@@ -1,9 +1,12 @@
 """The state of a driven mode at every point of its sweeps, on either branch of its response."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.readout import Array, ComplexArray
+from femnl.core.stages import Oscillator
 from femnl.observe.response.branches import duffing_branches
 from femnl.resonator.roots import FAINT, self_stiffened
 
@@ -46,6 +49,48 @@ def follow(
                 chosen[start:jump] = first
                 chosen[jump:stop] = last
                 nearest = least
+
+
+class Balance(NamedTuple):
+    """The first harmonic of a mode at every point (n,), as `branch_amplitudes` solves it."""
+
+    delta: Array
+    cubic: ComplexArray
+    fifth: Array
+    pulled: ComplexArray
+    scale: Array
+    order: float
+
+    @property
+    def bend(self) -> ComplexArray:
+        """Part a (n,) of the bend that grows as the square of the motion."""
+        return self.cubic + (self.pulled if self.order == 2 else 0)
+
+
+def balance(mode: Oscillator, frequency: Array, linear: Array) -> Balance:
+    """Return the balance of the first harmonic A [m], see `Oscillator`, by b = A f/(A₁F f₀).
+
+    In these units it is that of a rotating wave, with δ = (f₀² − f²)/(f w).
+
+    Args: frequency f (n,) of the drive [Hz]; linear A₁F (n,) [m]: the amplitude at resonance
+        without nonlinearity.
+    """
+    f0 = mode.frequency
+    ratio = f0 / frequency
+    swing = linear * ratio
+    per = 2 / mode.linewidth
+    scale = swing**2 * (3 * f0 * abs(mode.alpha)) / (8 * mode.linewidth)
+    return Balance(
+        delta=per * (f0 * ratio - frequency) / 2,
+        cubic=(
+            per * ratio * 0.375 * f0 * mode.alpha * swing**2
+            + 1j * np.maximum(mode.damping, 0) * swing**2 / 4
+        ),
+        fifth=per * ratio * 0.3125 * f0 * mode.quintic * swing**4,
+        pulled=per * ratio * mode.pull * scale,
+        scale=scale,
+        order=mode.order,
+    )
 
 
 def branch_amplitudes(
