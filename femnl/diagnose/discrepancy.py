@@ -214,13 +214,10 @@ class _Seen:
         moving = np.concatenate([result.free, np.ones(missed.size, bool)])
         gradient = pull * per_scatter[..., None] + inside.T @ seen / smooth[..., None]
         gradient = gradient[..., moving]
-        shift = np.linalg.solve(fisher[..., moving, :][..., moving], gradient[..., None])[..., 0]
-        square = (
-            rest * per_scatter + float(seen @ seen) / smooth - np.sum(gradient * shift, axis=-1)
-        )
-        # Rounding must not take from what the priors know
-        along, turned = np.linalg.eigh(fisher)
-        along = np.maximum(along, known.min())
+        free, ways = _information(fisher[..., moving, :][..., moving])
+        taken = np.sum((ways.swapaxes(-1, -2) @ gradient[..., None])[..., 0] ** 2 / free, axis=-1)
+        square = rest * per_scatter + float(seen @ seen) / smooth - taken
+        along, turned = _information(fisher)
         volume = np.sum(np.log(along), axis=-1)
         level = -0.5 * (square + k * np.log(smooth) + allowed.pieces * np.log(scatter) + volume)
         best = np.unravel_index(int(np.argmax(level)), level.shape)
@@ -229,3 +226,13 @@ class _Seen:
         prior = log_prior(result.model, result.vector, spread) + float(np.sum(np.log(width)))
         constant = 0.5 * width.size * np.log(2 * np.pi) - np.log(level.size)
         return float(logsumexp(level) + prior + constant)
+
+
+def _information(fisher: Array) -> tuple[Array, Array]:
+    """Return the eigenvalues (…, m) of Fisher matrices (…, m, m) and their vectors.
+
+    Priors of unit width or deviation tell 1 at least, which rounding may take from the matrix of
+    causes that do the same.
+    """
+    values, vectors = np.linalg.eigh(fisher)
+    return np.maximum(values, 1.0), np.asarray(vectors)

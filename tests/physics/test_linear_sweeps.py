@@ -8,10 +8,13 @@ import pytest
 import xarray as xr
 from numpy.typing import NDArray
 
+from femnl import load
 from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
 from femnl.fits.response.first_fit import _without_background, first_fit
+from femnl.fits.response.pose import pose
 from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
 
 F0 = 25405.0
 WIDTH = 4.2
@@ -78,6 +81,16 @@ def test_a_linear_mode_that_a_gas_damps_is_adequate_far_from_its_resonance(tmp_p
     found = Linear(width=F0 / 63).diagnose(tmp_path / "a.nc", alone=True)
     assert found.verdict == "adequate", (found.p_value, found.where)
     assert found.parameters["base"]["linewidth"].value == pytest.approx(F0 / 63, rel=5e-3)
+
+
+def test_no_sweeps_below_zero_hertz_are_offered() -> None:
+    film = SimulatedFilm(load("square-270um"), 12)
+    offered = []
+    for width in (WIDTH, F0 / 63):
+        model = pose(Linear(width=width).data(), film)
+        start = dict(zip((spec.name for spec in model.base), model.start.tolist(), strict=True))
+        offered.append(len(model.candidate_measurements([], start, [])))
+    assert offered == [2, 1]
 
 
 @pytest.mark.parametrize("noise", [pytest.param(1e-3, marks=pytest.mark.slow), 2e-5])

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femnl.core.effect import ParameterSpec
 from femnl.diagnose.run import decided
 from femnl.diagnose.verdict import judge
+from femnl.diagnose.weighing import Weighed
 from tests.unit.level import Level
 from tests.unit.test_inexact_equations import BLOCKS, PLACE, STRONG, N, candidate, cause
 
@@ -23,6 +25,18 @@ def test_a_further_cause_takes_up_most_of_what_the_others_leave(
     sets = ((), (line,), (parabola,), (line, parabola))
     judged = judge([candidate(model, *effects) for effects in sets])
     assert (judged.verdict, judged.chosen.names) == ("explained in part", named)
+
+
+def test_causes_that_do_the_same_are_weighed_where_rounding_drowns_their_priors() -> None:
+    """Fisher's information of their sum is 10²¹, that of their difference the priors' 12."""
+    data = 1e9 * PLACE + np.random.default_rng(20261202).standard_normal(N)
+    model = Level(data, BLOCKS, 1e12, {"any swing": PLACE**3})
+    wide = (ParameterSpec("strength", "1", -1e10, 1e10),)
+    line, like = (replace(cause(name, 1, 0.001), parameters=wide) for name in ("line", "like"))
+    sets = [candidate(model), candidate(model, line), candidate(model, line, like)]
+    share = Weighed(sets).graded.share
+    assert sum(share.values()) == pytest.approx(1)
+    assert share[("line",)] > share[("like", "line")]
 
 
 def test_a_block_of_one_datum_counts_as_one_datum() -> None:
