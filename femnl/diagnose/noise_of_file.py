@@ -42,6 +42,8 @@ def first_noise(
 
     A misfit looks like noise in places, so that more noise than the file states, and correlation,
     count only where the base model explains the data with them; `last_noise` finds them elsewhere.
+    Nor does correlated noise whose steps from datum to datum are far larger than stated noise: it
+    describes any smooth misfit of data that are measured in coarse steps.
     """
     around = bare.layout
     if around is None:
@@ -65,7 +67,8 @@ def first_noise(
     sure = FoundNoise(noise.glitches, 1.0 if noise.correlation else min(noise.factor, 1.0), 0.0)
     bare_noise = found_noise(residuals, around, noise, bare=True)
     for other in (noise, bare_noise):
-        if other == sure:
+        step = other.factor * np.sqrt(1 - other.correlation**2)
+        if other == sure or (other.correlation and step > THRESHOLDS.largest_factor):
             continue
         seen = with_noise(bare, other)
         result = fit(ExtendedModel(seen), seen.start, checkpoint=checkpoint)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from femnl import load
 from femnl.core.diagnosis import Diagnosis
@@ -15,6 +16,7 @@ from femnl.fits.response.first_fit import _without_background, first_fit
 from femnl.fits.response.pose import pose
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
+from tests.blind.linear_sweeps import make
 
 F0 = 25405.0
 WIDTH = 4.2
@@ -81,6 +83,31 @@ def test_a_linear_mode_that_a_gas_damps_is_adequate_far_from_its_resonance(tmp_p
     found = Linear(width=F0 / 63).diagnose(tmp_path / "a.nc", alone=True)
     assert found.verdict == "adequate", (found.p_value, found.where)
     assert found.parameters["base"]["linewidth"].value == pytest.approx(F0 / 63, rel=5e-3)
+
+
+def test_a_smooth_misfit_is_no_noise_of_thousands_of_times_the_stated_one(tmp_path: Path) -> None:
+    """A leak of a tenth of the resonance, ten points a linewidth and hardly any noise."""
+    sweeps, truth = make(2893225275)
+    assert truth["cause"] == "crosstalk"
+    path = tmp_path / "a.nc"
+    measurement.write(measurement.bundle({"sweeps": sweeps}, geometry="square-270um"), path)
+    assert diagnose(path, effects=[]).verdict == "unexplained"
+
+
+def test_noise_that_is_estimated_may_be_correlated_and_far_larger(tmp_path: Path) -> None:
+    """Neighbours hardly differ in it, and so tell a sixth of it at first."""
+    rho = 0.95
+    linear = Linear((0.05, 0.1), noise=0.0)
+    clear = linear.data()
+    drawn = np.random.default_rng(3).standard_normal((4, 2000))
+    noise = lfilter([np.sqrt(1 - rho**2)], [1, -rho], drawn, axis=1)[:, -clear.sizes["point"] :]
+    noisy = clear.assign(
+        real=clear["real"] + 1.6e-5 * noise[:2], imag=clear["imag"] + 1.6e-5 * noise[2:]
+    )
+    del noisy.attrs["noise_sd"]
+    path = tmp_path / "a.nc"
+    measurement.write(measurement.bundle({"sweeps": noisy}, geometry="square-270um"), path)
+    assert diagnose(path, effects=[]).verdict == "adequate"
 
 
 def test_no_sweeps_below_zero_hertz_are_offered() -> None:
