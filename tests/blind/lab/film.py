@@ -124,8 +124,9 @@ class Membrane:
         d = away[nearest, np.arange(len(x))]
         out = normal[nearest].T
         deep = DEEP * layer
-        inner = place - out * np.maximum(deep + layer - d, 0)
-        slope = self.at(inner[0], inner[1], count) / deep * (d < deep + layer)
+        near = d < FADED * layer
+        inner = place - out * np.where(near, deep + layer - d, 0)
+        slope = self.at(inner[0], inner[1], count) / deep * near
         beyond = slope * np.where(d < layer, d - layer, 0)
         return np.asarray(
             (self.at(x, y, count) + beyond + slope * layer * np.exp(-np.maximum(d, 0) / layer))
@@ -146,6 +147,8 @@ class Membrane:
 
 DEEP = 2.0
 """Boundary layers inside the membrane's edge at which its slope is read off."""
+FADED = 16.0
+"""Boundary layers inside the clamped edge at which nothing is left of the layer (e⁻¹⁶ = 1e-7)."""
 
 
 @cache
