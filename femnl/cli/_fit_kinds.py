@@ -60,7 +60,7 @@ class FitOptions:
     fringe: str
     mode: int
     geometry: str | None
-    n_harmonics: int
+    n_harmonics: int | None
     held_out: slice | None
     cache: bool
 
@@ -176,7 +176,10 @@ def _fit_response(name: str, dataset: xr.Dataset, options: FitOptions) -> Mappin
 
 
 def _fringe_of(dataset: xr.Dataset, file: MeasuredFile) -> PeriodicFringe | None:
-    """Return the fringe of a trace, None where no wavelength turns it into metres."""
-    if "wavelength" not in dataset.attrs:
+    """Return the fringe of a trace that its device makes.
+
+    None stands for a sine, and where no wavelength turns it into metres.
+    """
+    if "wavelength" not in dataset.attrs or file.options.fringe == "sine":
         return None
     return readout(file.options.fringe, file.device(), dataset, ("sine", "multilayer"))

@@ -26,16 +26,17 @@ _WORDS = {
 
 
 def harmonics(
-    name: str, dataset: xr.Dataset, count: int, fringe: PeriodicFringe | None, fixed: Texts
+    name: str, dataset: xr.Dataset, count: int | None, fringe: PeriodicFringe | None, fixed: Texts
 ) -> dict[str, Outcome]:
     """Decompose into harmonics of the drive; with a wavelength, find the motion in metres too."""
     import numpy as np
 
-    from femnl.fits.trace.decompose import decompose
+    from femnl.fits.trace.decompose import decompose, most_harmonics
+    from femnl.fits.trace.folding import beyond
     from femnl.fits.trace.spot import fit_spot
     from femnl.plot.harmonics import harmonics_figure
 
-    spectrum = decompose(dataset, count)
+    spectrum = decompose(dataset, most_harmonics(dataset) if count is None else count)
     values = {
         "real": spectrum.values.real,
         "imag": spectrum.values.imag,
@@ -57,7 +58,8 @@ def harmonics(
             )
         }
     held = in_si(fixed, {"contrast": "V", "fringe_phase": "rad"}.get)
-    motion = fit_spot(spectrum, float(dataset.attrs["wavelength"]), fringe, held)
+    wavelength = float(dataset.attrs["wavelength"])
+    motion = fit_spot(spectrum, wavelength, fringe, held, beyond(dataset, spectrum))
     steps = {
         key: getattr(motion, key) for key in ("amplitude", "amplitude_sd", "phase", "phase_sd")
     }

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from femnl.cli._output import scientific, table
@@ -52,10 +53,9 @@ def show(name: str, fit: Fit) -> list[Group | str]:
         [p.name, with_error(p.value, p.sd)[0], _error(p), p.unit or "–"]
         for p in fit.parameters.values()
     ]
-    title = (
-        f"{name}: {fit.n_points} numbers, {fit.n_parameters} free parameters, χ²/ν = "
-        f"{fit.chi2_reduced:.4g}"
-    )
+    title = f"{name}: {fit.n_points} numbers, {fit.n_parameters} free parameters"
+    if isfinite(fit.chi2_reduced):
+        title += f", χ²/ν = {fit.chi2_reduced:.4g}"
     return [
         table(title, ["parameter", "value", "±", "unit"], rows),
         *(f"  {sentence}" for sentence in fit.notes),

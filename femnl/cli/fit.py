@@ -146,7 +146,13 @@ Device = Annotated[
     ),
 ]
 Harmonics = Annotated[
-    int, typer.Option("--harmonics", help="Of a trace: highest harmonic.", min=1, max=200)
+    int | None,
+    typer.Option(
+        "--harmonics",
+        help="Of a trace: highest harmonic; unless given, as many as it shows, up to 21.",
+        min=1,
+        max=200,
+    ),
 ]
 Out = Annotated[
     Path | None,
@@ -173,7 +179,7 @@ def command(
     fringe: Fringe = "sine",
     mode: Annotated[int, typer.Option(help="Of a map: which mode moves, from 1.")] = 1,
     geometry: Device = None,
-    n_harmonics: Harmonics = 21,
+    n_harmonics: Harmonics = None,
     held_out: HeldOut = None,
     out: Out = None,
     cache: Cache = True,

@@ -10,6 +10,9 @@ from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array, ComplexArray, HarmonicSpectrum
 from femnl.fits.trace.colour import WHITE, Colour, beside_phase, noise_colour
 
+MOST_HARMONICS = 21
+PER_HARMONIC = 4
+"""Harmonics that are sought, and samples of a record that each one needs."""
 ILL_CONDITIONED = 1e5
 """Ratio of singular values beyond which a record is too short to tell the harmonics apart."""
 FINE = 8
@@ -38,7 +41,42 @@ def refuse_undriven(traces: xr.Dataset) -> None:
         )
 
 
-def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
+def drive_frequencies(traces: xr.Dataset) -> Array:
+    """Return the frequency [Hz] of the drive at each step, as told or as recorded.
+
+    Raises: MeasurementError where neither is there.
+    """
+    refuse_undriven(traces)
+    if "drive_frequency" in traces:
+        return np.asarray(traces["drive_frequency"].values, float)
+    if "drive_voltage" in traces:
+        time = traces["time"].values.astype(float)
+        return np.array([_drive_frequency(time, row) for row in traces["drive_voltage"].values])
+    raise MeasurementError(
+        "trace: neither drive_frequency nor drive_voltage is there; add the frequency [Hz] "
+        "of each step"
+    )
+
+
+def most_harmonics(traces: xr.Dataset) -> int:
+    """Return how many harmonics, of MOST_HARMONICS, rate and length of the records allow.
+
+    Raises: MeasurementError where that is none, and as `drive_frequencies`.
+    """
+    fewest = int(np.isfinite(traces["voltage"].values).sum(axis=1).min())
+    interval = float(np.median(np.diff(traces["time"].values)))
+    fastest = float(drive_frequencies(traces).max())
+    within = int(np.ceil(0.5 / (fastest * interval))) - 1
+    found = min(MOST_HARMONICS, fewest // PER_HARMONIC, within)
+    if found < 1:
+        raise MeasurementError(
+            f"trace: {fewest} samples at {1 / interval:g} Hz show no harmonic of {fastest:g} Hz; "
+            "sample faster or record longer"
+        )
+    return found
+
+
+def decompose(traces: xr.Dataset, n_harmonics: int = MOST_HARMONICS) -> HarmonicSpectrum:
     """Decompose recorded traces into harmonics of the drive by least squares.
 
     v(t) = V_0 + Σ_n Re(V_n e^{2πinft}) with n to `n_harmonics`. The record need not hold a whole
@@ -60,19 +98,10 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     Valid: noise of one colour in all steps, white in short records; a steady state meanwhile.
     Source: Sommer et al. 2025, supplement S7, decomposition of the time traces.
     """
-    refuse_undriven(traces)
+    frequency = drive_frequencies(traces)
     time = traces["time"].values.astype(float)
     voltage = traces["voltage"].values
     drive = traces["drive_voltage"].values if "drive_voltage" in traces else None
-    if "drive_frequency" in traces:
-        frequency = traces["drive_frequency"].values.astype(float)
-    elif drive is not None:
-        frequency = np.array([_drive_frequency(time, row) for row in drive])
-    else:
-        raise MeasurementError(
-            "trace: neither drive_frequency nor drive_voltage is there; add the frequency [Hz] "
-            "of each step"
-        )
     orders = np.arange(n_harmonics + 1)
     values = np.zeros((n_harmonics + 1, len(voltage)), complex)
     sd = np.zeros((n_harmonics + 1, len(voltage)))

@@ -8,25 +8,19 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.numbers import engineering
-from femnl.core.readout import Array, ComplexArray
-from femnl.fits.trace.decompose import decompose, refuse_undriven
+from femnl.fits.trace.decompose import PER_HARMONIC, decompose, most_harmonics, refuse_undriven
+from femnl.fits.trace.folding import SMOOTH, beyond, degrees_left, folded
 from femnl.fits.trace.glitches import found_factor, without_glitches
 from femnl.fits.trace.spot import fit_spot
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.trace.model import Folded, TraceModel
+from femnl.observe.trace.model import TraceModel
 from femnl.optics.airy import stack_scales
 
-MOST_HARMONICS = 21
 MOST_STEPS = 12
-"""Harmonics, as far as the sampling rate and the length of the record allow, and steps of the drive
-that are compared.
-"""
+"""Steps of the drive that are compared."""
 HIGHEST = 128
-SMOOTH = 48
-"""Harmonics that are predicted of a clipped and of a smooth signal: those beyond the measured ones
-are folded onto them by the sampling, or beat in what they leave."""
-PER_HARMONIC = 4
-"""Samples of a record that each harmonic needs."""
+"""Harmonics that are predicted of a clipped signal: those beyond the measured ones are folded onto
+them by the sampling, or beat in what they leave."""
 
 
 def pose(
@@ -44,12 +38,16 @@ def pose(
     refuse_undriven(dataset)
     wavelength = float(dataset.attrs["wavelength"])
     raw = dataset.isel(step=_chosen(dataset))
-    n_harmonics = _harmonics_of(raw)
+    n_harmonics = most_harmonics(raw)
+    if n_harmonics < 2:
+        raise MeasurementError(
+            "trace: these samples separate fewer than two harmonics; sample faster or record longer"
+        )
     traces, left_out = without_glitches(raw, n_harmonics)
     spectrum = decompose(traces, n_harmonics)
-    degrees = np.isfinite(traces["voltage"].values).sum(axis=1) - 2 * n_harmonics - 1
+    degrees = degrees_left(traces, n_harmonics)
     factor = found_factor(traces, spectrum, degrees)
-    sine = fit_spot(spectrum, wavelength)
+    sine = fit_spot(spectrum, wavelength, beyond=beyond(traces, spectrum))
     kept = spectrum.harmonic > 0
     harmonic = np.asarray(spectrum.harmonic[kept], np.int64)
     frequency = spectrum.drive_frequency
@@ -57,7 +55,6 @@ def pose(
     stated = dataset.attrs.get("noise_sd")
     seen = float(np.sqrt(np.mean(spectrum.noise_sd**2)))
     noise = seen if stated is None else factor * float(stated)
-    times = _times(traces)
     contrast = sine.fit["contrast"]
     theta = sine.fit["fringe_phase"]
     deepest = 40 * wavelength / (4 * np.pi)
@@ -86,8 +83,8 @@ def pose(
         left=np.empty(0) if stated is None else spectrum.noise_sd,
         degrees=degrees,
         folded=(
-            _folded(times, frequency, len(harmonic), HIGHEST),
-            _folded(times, frequency, len(harmonic), SMOOTH),
+            folded(traces, frequency, len(harmonic), HIGHEST),
+            folded(traces, frequency, len(harmonic), SMOOTH),
         ),
         mode=int(np.argmin(np.abs(film.modes.frequency - np.median(frequency)))),
         base=(
@@ -117,41 +114,6 @@ def pose(
     )
 
 
-def _folded(times: list[Array], frequency: Array, n_harmonics: int, most: int) -> Folded:
-    """Return what harmonics up to `most` do to the measured ones at each step."""
-    orders = np.arange(1, max(most, n_harmonics) + 1)
-    steps = [
-        _folding(time, f, n_harmonics, len(orders))
-        for time, f in zip(times, frequency, strict=True)
-    ]
-    return Folded(
-        orders, np.stack([fold for fold, _ in steps]), np.stack([beat for _, beat in steps])
-    )
-
-
-def _times(traces: xr.Dataset) -> list[Array]:
-    """Return the times [s] of the samples of each step that are there."""
-    time = traces["time"].values.astype(float)
-    return [time[np.isfinite(row)] for row in traces["voltage"].values]
-
-
-def _folding(
-    time: Array, frequency: float, n_harmonics: int, highest: int
-) -> tuple[ComplexArray, Array]:
-    """Return what the harmonics beyond the measured ones add to those, and to the squares left.
-
-    The columns stand for the real, then for the imaginary parts of the harmonics beyond.
-    """
-    turns = 2 * np.pi * frequency * np.outer(time, np.arange(1, highest + 1))
-    cosine = np.cos(turns)
-    sine = -np.sin(turns)
-    low = np.column_stack([np.ones(len(time)), cosine[:, :n_harmonics], sine[:, :n_harmonics]])
-    high = np.column_stack([cosine[:, n_harmonics:], sine[:, n_harmonics:]])
-    solved, *_ = np.linalg.lstsq(low, high, rcond=None)
-    left = high - low @ solved
-    return solved[1 : n_harmonics + 1] + 1j * solved[n_harmonics + 1 :], np.asarray(left.T @ left)
-
-
 def _chosen(dataset: xr.Dataset) -> NDArray[np.int64]:
     """Return the steps that are compared, evenly spaced; those only partly without gaps go."""
     usable = np.flatnonzero(np.isfinite(dataset["voltage"].values).sum(axis=1) > 2 * PER_HARMONIC)
@@ -160,19 +122,3 @@ def _chosen(dataset: xr.Dataset) -> NDArray[np.int64]:
             f"trace: no step has more than {2 * PER_HARMONIC} samples; record longer"
         )
     return usable[np.unique(np.linspace(0, len(usable) - 1, MOST_STEPS).round().astype(np.int64))]
-
-
-def _harmonics_of(traces: xr.Dataset) -> int:
-    """Return how many harmonics the sampling rate and the length of the records allow."""
-    interval = float(np.median(np.diff(traces["time"].values)))
-    fewest = int(np.isfinite(traces["voltage"].values).sum(axis=1).min())
-    most = min(MOST_HARMONICS, fewest // PER_HARMONIC)
-    if "drive_frequency" in traces:
-        most = min(
-            most, int(np.ceil(0.5 / (float(traces["drive_frequency"].max()) * interval))) - 1
-        )
-    if most < 2:
-        raise MeasurementError(
-            "trace: these samples separate fewer than two harmonics; sample faster or record longer"
-        )
-    return most

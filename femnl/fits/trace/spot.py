@@ -10,6 +10,8 @@ from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, MotionFit, Parameter
 from femnl.core.readout import Array, ComplexArray, FourierSeries, HarmonicSpectrum, PeriodicFringe
 from femnl.fits.held import Held, unknown
+from femnl.fits.trace.folding import Beyond
+from femnl.fits.trace.one_step import OneStep
 from femnl.optics.unit_fringe import Orders, cosine, real_part, unit_fringe
 
 DEEPEST = 30.0
@@ -29,6 +31,7 @@ def fit_spot(
     wavelength: float,
     fringe: PeriodicFringe | None = None,
     fixed: Mapping[str, float] | None = None,
+    beyond: Beyond | None = None,
 ) -> MotionFit:
     """Fit the harmonics of all steps of a drive by one fringe.
 
@@ -42,6 +45,8 @@ def fit_spot(
         wavelength: λ [m].
         fringe: f(u); one cosine unless given.
         fixed: values of `contrast` [V] or `fringe_phase` [rad], which are held.
+        beyond: what higher harmonics do to these and leave of the records, from `folding.beyond`.
+            Where samples are few a period, it tells which motion it is.
 
     Returns:
         The motion at each step, with U ≥ 0, V_C > 0 for a cosine, and θ of a symmetric fringe in
@@ -68,15 +73,13 @@ def fit_spot(
         spectrum.values[kept],
         spectrum.values_sd[kept],
         _held(fixed or {}),
+        spectrum.noise_sd,
+        beyond,
     )
-    optima = sorted(
-        (problem.refine(start, 10) for start in problem.starts()), key=lambda optimum: optimum[1]
-    )
+    optima = sorted((problem.refine(start, 10) for start in problem.starts()), key=problem.misfit)
     if not optima:
         raise MeasurementError("traces: no harmonic has any voltage; nothing moves, or no light")
-    best = min(
-        (problem.settle(vector) for vector, _ in optima[:2]), key=lambda optimum: optimum[1]
-    )[0]
+    best = min((problem.settle(vector) for vector, _ in optima[:2]), key=problem.misfit)[0]
     return problem.report(problem.canonical(best))
 
 
@@ -96,7 +99,8 @@ def _held(fixed: Mapping[str, float]) -> Array:
 class _Spot:
     """The parameter vector: V_C, θ, then U of every step, then φ of every step.
 
-    held (2,): V_C and θ where they are held, NaN where free.
+    held (2,): V_C and θ where they are held, NaN where free. noise (n_steps,) [V]: what is left of
+    a sample.
     """
 
     series: FourierSeries
@@ -104,6 +108,8 @@ class _Spot:
     values: ComplexArray
     sd: Array
     held: Array
+    noise: Array
+    beyond: Beyond | None
 
     def all_held(self, vector: Array) -> Held:
         """Return what is held of the whole vector."""
@@ -121,9 +127,25 @@ class _Spot:
 
     def predict(self, vector: Array) -> ComplexArray:
         """Return V_n of every step."""
+        return self._seen(self._all(vector))
+
+    @property
+    def _orders(self) -> Orders:
+        """All harmonics that are predicted, the measured ones first."""
+        if self.beyond is None:
+            return self.harmonic
+        return np.concatenate([self.harmonic, self.beyond.harmonic])
+
+    def _all(self, vector: Array) -> ComplexArray:
+        """Return V_n of all harmonics that are predicted (n_orders, n_steps)."""
         fringe, amplitude, phase = self.split(vector)
-        motion = real_part(self.series, self.harmonic, amplitude, fringe)["motion"]
-        return np.asarray(fringe["contrast"] * np.exp(1j * self.harmonic[:, None] * phase) * motion)
+        motion = real_part(self.series, self._orders, amplitude, fringe)["motion"]
+        turn = np.exp(1j * self._orders[:, None] * phase)
+        return np.asarray(fringe["contrast"] * turn * motion)
+
+    def _seen(self, volts: ComplexArray) -> ComplexArray:
+        """Return the measured harmonics (n_harmonics, n_steps) of all (n_orders, n_steps)."""
+        return volts if self.beyond is None else self.beyond.add(volts)
 
     def residuals(self, vector: Array) -> Array:
         if self.wavenumber * np.abs(self.split(vector)[1]).max() > 2 * DEEPEST:
@@ -132,17 +154,18 @@ class _Spot:
 
     def jacobian(self, vector: Array) -> Array:
         fringe, amplitude, phase = self.split(vector)
-        parts = real_part(self.series, self.harmonic, amplitude, fringe)
-        turn = np.exp(1j * self.harmonic[:, None] * phase) / self.sd
+        parts = real_part(self.series, self._orders, amplitude, fringe)
+        turn = np.exp(1j * self._orders[:, None] * phase)
         n_steps = amplitude.size
         result = np.zeros((2 * self.values.size, vector.size))
-        result[:, 0] = -_real(turn * parts["motion"])
-        result[:, 1] = -_real(fringe["contrast"] * turn * parts["fringe_phase"])
+        result[:, 0] = -_real(self._seen(turn * parts["motion"]) / self.sd)
+        by_theta = fringe["contrast"] * turn * parts["fringe_phase"]
+        result[:, 1] = -_real(self._seen(by_theta) / self.sd)
         blocks = result.reshape(len(self.harmonic), n_steps, 2, vector.size)
         step = np.arange(n_steps)
-        by_phase = 1j * self.harmonic[:, None] * parts["motion"]
+        by_phase = 1j * self._orders[:, None] * parts["motion"]
         for column, slope in ((2 + step, parts["by_displacement"]), (2 + n_steps + step, by_phase)):
-            change = -fringe["contrast"] * turn * slope
+            change = -self._seen(fringe["contrast"] * turn * slope) / self.sd
             blocks[:, step, 0, column] = change.real
             blocks[:, step, 1, column] = change.imag
         return result
@@ -164,16 +187,40 @@ class _Spot:
         )
         return held.whole(found.x), float(2 * found.cost)
 
+    def misfit(self, optimum: tuple[Array, float]) -> float:
+        """Return χ² of an optimum, with what its harmonics beyond would leave too much."""
+        vector, chi2 = optimum
+        if self.beyond is None:
+            return chi2
+        steps = np.arange(self.values.shape[1])
+        return chi2 + float(np.sum(self._too_much(self.beyond.left(self._all(vector)), steps)))
+
     def settle(self, vector: Array) -> tuple[Array, float]:
         """Return the minimum reached by searching every step's motion and refining all in turn."""
         best = self.refine(vector, 100)
         for _ in range(5):
             fringe = self.split(best[0])[0]
             again = self.refine(self._with_motion(fringe["contrast"], fringe["fringe_phase"]), 100)
-            if again[1] >= best[1] * (1 - 1e-9):
+            if self.misfit(again) >= self.misfit(best) * (1 - 1e-9):
                 break
             best = again
-        return best
+        if self.beyond is None:
+            return best
+        moved = self._folded(best[0], self.beyond)
+        return min(best, self.refine(moved, 100), key=self.misfit)
+
+    def _folded(self, vector: Array, beyond: Beyond) -> Array:
+        """Return the parameters with motion that the folded harmonics ask for, where it misfits."""
+        fringe, amplitude, phase = self.split(np.array(vector))
+        off = np.abs((self.values - self.predict(vector)) / self.sd) ** 2
+        chi2 = off.sum(axis=0)
+        for i in np.flatnonzero(chi2 > self.harmonic.size):
+            measured = (self.harmonic, self.values[:, i], self.sd[:, i])
+            step = OneStep(self.series, fringe, measured, self.noise[i], beyond, int(i))
+            left, *motion = step.best(self._grid / self.wavenumber)
+            if left < chi2[i]:
+                amplitude[i], phase[i] = motion
+        return np.concatenate([vector[:2], amplitude, phase])
 
     def starts(self) -> list[Array]:
         """Return starting points: the best few of a grid over θ and V_C.
@@ -195,8 +242,10 @@ class _Spot:
         misfit = np.zeros((theta.size, contrast.size))
         for i, angle in enumerate(theta):
             overlap, norm, _ = self._match(float(angle), steps, orders)
+            left = self._left(float(angle), steps, self._grid / self.wavenumber)
             misfit[i] = [
-                np.sum(np.min(level**2 * norm - 2 * level * overlap, axis=1)) for level in contrast
+                np.sum(np.min(self._at(level, overlap, norm, left, steps), axis=1))
+                for level in contrast
             ]
         wrapped = np.pad(misfit, ((1, 1), (1, 1)), mode="edge")
         around = np.min(
@@ -217,10 +266,35 @@ class _Spot:
         """Return the parameters with the best motion of every step at the given fringe."""
         steps = np.arange(self.values.shape[1])
         overlap, norm, phase = self._match(theta, steps, np.arange(self.harmonic.size))
-        best = np.argmin(contrast**2 * norm - 2 * contrast * overlap, axis=1)
+        left = self._left(theta, steps, self._grid / self.wavenumber)
+        best = np.argmin(self._at(contrast, overlap, norm, left, steps), axis=1)
         return np.concatenate(
             [[contrast, theta], self._grid[best] / self.wavenumber, phase[steps, best]]
         )
+
+    def _at(
+        self, contrast: float, overlap: Array, norm: Array, left: Array, steps: Orders
+    ) -> Array:
+        """Return χ² (n_steps, n_z) at a contrast, but for that of no motion."""
+        plain = contrast**2 * norm - 2 * contrast * overlap
+        return np.asarray(plain + self._too_much(contrast**2 * left, steps))
+
+    def _left(self, theta: float, steps: Orders, amplitude: Array) -> Array:
+        """Return the mean square (n_steps, n_amplitudes) that harmonics beyond leave at V_C = 1."""
+        if self.beyond is None:
+            return np.zeros((steps.size, amplitude.size))
+        fringe = {"contrast": 1.0, "fringe_phase": theta}
+        unit = real_part(self.series, self.beyond.harmonic, amplitude, fringe)["motion"]
+        return np.asarray(self.beyond.share[steps] @ unit**2)
+
+    def _too_much(self, left: Array, steps: Orders) -> Array:
+        """Return what χ² grows by where more would be left of a record than is [V²]."""
+        if self.beyond is None:
+            return np.zeros_like(left)
+        shape = (-1,) + (1,) * (left.ndim - 1)
+        ratio = left / (self.noise[steps] ** 2).reshape(shape)
+        degrees = self.beyond.degrees[steps].reshape(shape)
+        return np.asarray(degrees / 2 * np.maximum(ratio - 1, 0) ** 2)
 
     @property
     def _grid(self) -> Array:
@@ -291,13 +365,16 @@ class _Spot:
         }
         amplitude_sd, phase_sd = sd[2:].reshape(2, -1)
         n_free = int(np.count_nonzero(held.free))
+        degrees = residuals.size - n_free
+        if not degrees:
+            notes = (*notes, "there are as many parameters as data, so that nothing tests the fit")
         fringe_held = Held(FRINGE, self.held)
         notes = (*fringe_held.notes, *notes)
         return MotionFit(
             Fit(
                 fringe_held.ordered(parameters),
                 fringe_held.inner(found[:2, :2]),
-                float(residuals @ residuals) / (residuals.size - n_free),
+                float(residuals @ residuals) / degrees if degrees else np.nan,
                 residuals.size,
                 n_free,
                 notes,

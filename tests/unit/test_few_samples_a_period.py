@@ -1,0 +1,108 @@
+"""Traces with few samples a period: the harmonics beyond half the sampling rate are seen too."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from femnl.cli._main import run
+from femnl.core.fit import MotionFit
+from femnl.diagnose import diagnose
+from femnl.fits.trace.decompose import decompose, most_harmonics
+from femnl.fits.trace.folding import _folding, beyond
+from femnl.fits.trace.spot import fit_spot
+from femnl.io import measurement
+from femnl.optics.fringe import SineFringe
+from femnl.optics.harmonics import trace
+
+RED = 632.8e-9
+F = 7.118e5
+NOISE = 8e-5
+
+
+def traces(detuning: list[float], per_period: float, samples: int, largest: float) -> xr.Dataset:
+    """Sweep a drive through a resonance [linewidths], with its largest amplitude [m]."""
+    rng = np.random.default_rng(20)
+    time = np.arange(samples) / (per_period * F)
+    off = 2 * np.array(detuning)
+    fringe = SineFringe(RED, 0.0, 0.02, 0.41)
+    volts = [
+        trace(fringe, time, F, largest / np.hypot(1, x), -np.arctan(x) + 0.7 * i)
+        for i, x in enumerate(off)
+    ]
+    noisy = volts + NOISE * rng.standard_normal((len(off), samples))
+    frequency = np.full(len(off), F)
+    return measurement.trace(time, noisy, drive_frequency=frequency, noise_sd=NOISE, wavelength=RED)
+
+
+def motion(found: xr.Dataset) -> MotionFit:
+    spectrum = decompose(found, most_harmonics(found))
+    return fit_spot(spectrum, RED, beyond=beyond(found, spectrum))
+
+
+def test_deep_motion_is_found_from_the_five_harmonics_below_half_the_sampling_rate() -> None:
+    detuning = np.linspace(-2, 2, 12)
+    found = motion(traces(list(detuning), 10.0157, 1585, 8e-7))
+    true = 8e-7 / np.hypot(1, 2 * detuning)
+    assert found.prediction.shape == (5, 12)
+    np.testing.assert_allclose(found.amplitude, true, rtol=1e-3)
+
+
+def test_two_harmonics_are_not_taken_for_a_motion_whose_others_would_be_left() -> None:
+    found = motion(traces([-2, 0.1, 2], 5.2205, 1575, 5.8e-8))
+    assert np.all(np.abs(found.amplitude) < 2e-7)
+    assert found.fit["contrast"] == pytest.approx(0.02, abs=4 * found.fit.parameters["contrast"].sd)
+
+
+def test_as_many_parameters_as_data_are_said_to_test_nothing() -> None:
+    found = motion(traces([0.0], 4.8017, 282, 5.2e-8)).fit
+    assert found.n_points == found.n_parameters == 4
+    assert math.isnan(found.chi2_reduced)
+    assert "there are as many parameters as data, so that nothing tests the fit" in found.notes
+
+
+@pytest.mark.parametrize(
+    ("detuning", "per_period", "samples", "largest"),
+    [([-2, 0.1, 2], 5.2205, 1575, 5.8e-8), ([-1, 0.1, 1], 10.0157, 1585, 8e-7)],
+)
+def test_traces_of_a_sinusoidal_motion_need_no_cause(
+    tmp_path: Path, detuning: list[float], per_period: float, samples: int, largest: float
+) -> None:
+    path = tmp_path / "traces.nc"
+    data = traces(detuning, per_period, samples, largest)
+    measurement.write(measurement.bundle({"traces": data}, geometry="square-270um"), path)
+    assert diagnose(path, workers=1).verdict == "adequate"
+
+
+def test_a_fit_takes_the_harmonics_that_there_are_and_needs_no_device(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "traces.nc"
+    data = traces([-1, 0.1, 1], 10.0157, 1585, 8e-7)
+    measurement.write(measurement.bundle({"traces": data}), path)
+    assert run(["fit", str(path)]) == 0
+    assert "traces, motion: 30 numbers, 8 free parameters" in capsys.readouterr().out
+
+
+def test_a_record_of_less_than_two_samples_a_period_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "traces.nc"
+    measurement.write(measurement.bundle({"a": traces([0.0], 1.5, 200, 8e-7)}), path)
+    assert run(["fit", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert "show no harmonic of 711800 Hz; sample faster or record longer" in said
+
+
+def test_products_of_the_columns_fold_as_the_columns_do() -> None:
+    time = np.sort(np.random.default_rng(4).uniform(0, 9.0, 300))
+    turns = 2 * np.pi * np.outer(time, np.arange(1, 13))
+    low = np.column_stack([np.ones(300), np.cos(turns[:, :3]), -np.sin(turns[:, :3])])
+    high = np.column_stack([np.cos(turns[:, 3:]), -np.sin(turns[:, 3:])])
+    solved = np.linalg.lstsq(low, high, rcond=None)[0]
+    left = high - low @ solved
+    fold, beat = _folding(time, 1.0, 3, 12)
+    np.testing.assert_allclose(fold, solved[1:4] + 1j * solved[4:], atol=1e-12)
+    np.testing.assert_allclose(beat, left.T @ left, atol=1e-10)
