@@ -28,6 +28,8 @@ NEAR_BOUND = 1e-3
 """Distances from its bound, in parts of the range, from which on a parameter is put there: in any
 case, and where that lowers χ².
 """
+LEAST = 1e-3
+"""Part of its start to which the factor of a known product may fall before the other one stays."""
 FTOL = 1e-7
 XTOL = 1e-9
 """Relative changes of χ² and of the parameters at which a fit ends."""
@@ -45,7 +47,7 @@ def minimise(
     start_part = np.clip((start - low) / width, INSIDE, 1 - INSIDE)
     if not np.all(np.isfinite(start_part)):  # which the optimiser would call outside of the bounds
         raise FloatingPointError("a fit would begin where parameters are no finite numbers")
-    data = _Data(model, slice(None) if keep is None else keep)
+    data = _Data(model, slice(None) if keep is None else keep, start)
     vector = data.place(start_part)
     at = model.residuals(vector)
     steps, slopes = tangents(model, vector, at, first)
@@ -67,14 +69,14 @@ def minimise(
 
     creeping = _Creeping(len(at[data.chosen]))
     found = solve(start_part, method="trf", max_nfev=most, callback=creeping)
-    part = model.part_of_range(data.place(found.x))
+    part = model.part_of_range(data.straight(found.x))
     pushed = _pushed(found, part)
     if most > ROUGH and pushed.any():
         on_bounds = np.where(pushed, np.rint(part), found.x)
         ended = solve(on_bounds, method="dogbox", max_nfev=LAST)
         found = ended if ended.cost <= (1 + FTOL) * found.cost else found
     end = data.place(found.x)
-    size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
+    size = np.linalg.norm(data.curved(np.asarray(found.jac) / width, end), axis=0)
     return end, steps_for(model, size, steps)
 
 
@@ -82,20 +84,61 @@ class _Data:
     """The residuals that are fitted, by parameters in parts of their ranges.
 
     The optimiser adds up steps of all parameters, and metres would count for nothing beside volts.
+    Where the data know one of them times a factor of others, and hardly more, it is what it would
+    be were that factor as at the start: the valley of a product is bent, and a fit creeps along it
+    in a hundred steps.
     """
 
-    def __init__(self, model: ExtendedModel, chosen: slice | NDArray[np.bool_]) -> None:
+    def __init__(self, model: ExtendedModel, chosen: slice | NDArray[np.bool_], start: Array):
         self.chosen = chosen
         self._model = model
         self._low, self._high = model.bounds
         self._width = self._high - self._low
+        self._product = model.known_product(start)
+        self._first = 1.0 if self._product is None else self._product.factor(start)[0]
         # Of the latest place: slopes are asked for where residuals have just been
         self._residuals: dict[bytes, Array] = {}
         self._slopes: dict[bytes, Array] = {}
 
     def place(self, part: Array) -> Array:
         """Return the parameters (p,) at parts of their ranges."""
+        vector = self.straight(part)
+        if self._product is not None:
+            vector[self._product.place] *= self._stretch(vector)[0]
+        return np.asarray(np.clip(vector, self._low, self._high))
+
+    def straight(self, part: Array) -> Array:
+        """Return the same, were the factor of a known product as at the start."""
         return np.asarray(np.clip(self._low + self._width * part, self._low, self._high))
+
+    def curved(self, slopes: Array, vector: Array) -> Array:
+        """Return derivatives (n, p) by the parameters from those by the straight ones."""
+        if self._product is None:
+            return slopes
+        stretch, by_others = self._stretch(vector)
+        place = self._product.place
+        found = slopes.copy()
+        found[:, place] /= stretch
+        found += np.outer(vector[place] * found[:, place], by_others)
+        return found
+
+    def _straightened(self, slopes: Array, vector: Array) -> Array:
+        """Return derivatives (n, p) by the straight parameters."""
+        if self._product is None:
+            return slopes
+        stretch, by_others = self._stretch(vector)
+        place = self._product.place
+        found = slopes.copy(order="K")
+        found -= np.outer(vector[place] * found[:, place], by_others)
+        found[:, place] *= stretch
+        return found
+
+    def _stretch(self, vector: Array) -> tuple[float, Array]:
+        """Return by what the straight parameter grows, and the slopes of the factor's logarithm."""
+        assert self._product is not None
+        factor, slopes = self._product.factor(vector)
+        left = factor / self._first
+        return float(1 / np.copysign(max(abs(left), LEAST), left)), slopes
 
     def know(self, vector: Array, residuals: Array, slopes: Array) -> None:
         """Keep all residuals of the latest place, and their derivatives by the parameters."""
@@ -113,7 +156,7 @@ class _Data:
         if key not in self._slopes:
             at = self._known(vector)
             self._slopes = {key: jacobian_at(self._model, vector, at, steps)}
-        return self._slopes[key][self.chosen] * self._width
+        return self._straightened(self._slopes[key], vector)[self.chosen] * self._width
 
     def _known(self, vector: Array) -> Array:
         key = vector.tobytes()

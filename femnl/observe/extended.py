@@ -8,7 +8,28 @@ import numpy as np
 
 from femnl.core.effect import Effect, ManyValues, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.observe.model import MeasurementModel, scale_of
+from femnl.observe.model import KnownProduct, MeasurementModel, scale_of
+
+
+@dataclass(frozen=True)
+class ProductOf:
+    """A known product as a function of a vector; places: of its parameter, and of the others."""
+
+    of: KnownProduct
+    places: list[int]
+
+    @property
+    def place(self) -> int:
+        """Where the parameter is that the factor multiplies."""
+        return self.places[0]
+
+    def factor(self, vector: Array) -> tuple[float, Array]:
+        """Return the factor, and the slopes (p,) of its logarithm."""
+        others = self.places[1:]
+        factor, slopes = self.of.factor(*vector[others])
+        found = np.zeros(len(vector))
+        found[others] = slopes
+        return factor, found
 
 
 @dataclass(frozen=True)
@@ -66,6 +87,14 @@ class ExtendedModel:
             effect.name: own for effect, own in zip(self.effects, values, strict=True)
         }
         return np.array([owned[owner][spec.name] for owner, spec in self.parameters])
+
+    def known_product(self, vector: Array) -> ProductOf | None:
+        """Return the product that the data know near a vector, and hardly its factors, if any."""
+        found = self.base_model.known_product(self.split(vector)[0])
+        own = [spec.name for owner, spec in self.parameters if owner == "base"]
+        if found is None or not {found.name, *found.others} <= set(own):
+            return None
+        return ProductOf(found, [own.index(name) for name in (found.name, *found.others)])
 
     def residuals(self, vector: Array) -> Array:
         """Return the residuals in σ, prior knowledge included."""

@@ -35,6 +35,18 @@ class Thinned:
     step: int
 
 
+@dataclass(frozen=True)
+class KnownProduct:
+    """A base parameter of which the data know the product with a factor, and hardly more.
+
+    factor: what others make, by their values, with the slopes of its logarithm by these.
+    """
+
+    name: str
+    others: tuple[str, ...]
+    factor: Callable[..., tuple[float, tuple[float, ...]]]
+
+
 class MeasurementModel(ABC):
     """One group of a measurement file with its base model: a forward model and its noise.
 
@@ -180,6 +192,10 @@ class MeasurementModel(ABC):
     def systematic(self, unit: str) -> float:
         """Return the relative sd of parameters in this unit that no amount of data lowers."""
         return 0.0
+
+    def known_product(self, base: dict[str, float]) -> KnownProduct | None:
+        """Return the product that the data know near here, and hardly its factors, if any."""
+        return None
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Return other base parameters that predict about the same.
