@@ -10,9 +10,9 @@ from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
 from femnl.fits.spectrum.labels import Named, named_modes
+from femnl.fits.spectrum.without_labels import modes_of
 from femnl.mechanics.gas import crossing_time, free_molecular_loss
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.spectrum.matching import ranks
 from femnl.observe.spectrum.model import SpectrumModel
 
 LEAST = 3
@@ -53,9 +53,13 @@ def pose(
         )
     label = dataset["label"].values[usable] if "label" in dataset else ()
     label = tuple(str(name) for name in label)
-    named = (
-        named_modes(label, film) if label else Named(ranks(frequency), np.empty((0, film.count)))
-    )
+    sd = dataset["frequency_sd"].values[usable]
+    told_of_modes: tuple[str, ...] = ()
+    if label:
+        named = named_modes(label, film)
+    else:
+        modes, told_of_modes = modes_of(frequency, sd, film)
+        named = Named(modes, np.empty((0, film.count)))
     order = named.order
     ratio = float(np.median(frequency / film.modes.frequency[order]))
     speed = film.speed * ratio
@@ -77,7 +81,7 @@ def pose(
     )
     return SpectrumModel(
         frequency=frequency,
-        sd=dataset["frequency_sd"].values[usable],
+        sd=sd,
         label=label,
         time=time,
         film=film,
@@ -108,6 +112,7 @@ def pose(
         },
         notes=(
             f"spectrum: {told}, {known}; side, stress and density enter only through c/L",
+            *told_of_modes,
             *film.notes,
             *([ONE_LOSS] if film.layered and rated.any() else []),
         ),

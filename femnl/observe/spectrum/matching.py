@@ -94,8 +94,8 @@ def by_rank(
 ) -> tuple[Array, Array]:
     """Return frequency and loss (m, n) of each measured mode, which goes to a changed one by rank.
 
-    Ranks are those of one moment: two close modes may have been measured in the wrong order by a
-    film that drifts.
+    Ranks are those among the measured modes at one moment: two close ones may have been measured
+    in the wrong order by a film that drifts.
 
     Args: changed (m, n_changed): frequency of every changed mode of m films. order (n,): mode of
     the unchanged film that each measured one has the rank of. frequency (n,): as measured.
@@ -103,7 +103,7 @@ def by_rank(
     everyone = np.arange(len(order))
     first = np.tile(order, (len(changed), 1))
     moved = read_off(everyone, first)[0] / changed[:, order]
-    return read_off(everyone, ranks(frequency / moved))
+    return read_off(everyone, np.sort(order)[ranks(frequency / moved)])
 
 
 def ranks(frequency: Array) -> Index:
