@@ -12,10 +12,11 @@ from femnl.core.fit import MotionFit
 from femnl.diagnose import diagnose
 from femnl.fits.trace.decompose import decompose, most_harmonics
 from femnl.fits.trace.folding import _folding, beyond
-from femnl.fits.trace.spot import fit_spot
+from femnl.fits.trace.spot import _Spot, fit_spot
 from femnl.io import measurement
 from femnl.optics.fringe import SineFringe
 from femnl.optics.harmonics import trace
+from femnl.optics.unit_fringe import cosine
 
 RED = 632.8e-9
 F = 7.118e5
@@ -106,3 +107,35 @@ def test_products_of_the_columns_fold_as_the_columns_do() -> None:
     fold, beat = _folding(time, 1.0, 3, 12)
     np.testing.assert_allclose(fold, solved[1:4] + 1j * solved[4:], atol=1e-12)
     np.testing.assert_allclose(beat, left.T @ left, atol=1e-10)
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_derivatives_see_the_folded_harmonics_and_what_they_leave(noise: float) -> None:
+    data = traces([-1, 0.1, 1], 5.2, 1000, 2e-7)
+    spectrum = decompose(data, most_harmonics(data))
+    kept = spectrum.harmonic > 0
+    spot = _Spot(
+        cosine(RED),
+        spectrum.harmonic[kept],
+        spectrum.values[kept],
+        spectrum.values_sd[kept],
+        np.full(2, np.nan),
+        beyond(data, spectrum, noise),
+    )
+    vector = np.array([0.025, 0.5, 1e-7, 2.2e-7, 1.1e-7, 0.3, 0.2, 1.0])
+    steps = np.diag([1e-8, 1e-6, 1e-14, 1e-14, 1e-14, 1e-6, 1e-6, 1e-6])
+    by_hand = np.stack(
+        [(spot.residuals(vector + h) - spot.residuals(vector - h)) / (2 * h.max()) for h in steps],
+        axis=1,
+    )
+    assert by_hand.shape == (2 * 2 * 3 + 3, 8)
+    assert np.all(np.abs(by_hand[12:]).max(axis=1) > 0)
+    off = np.abs(spot.jacobian(vector) - by_hand)
+    assert np.all(off < 1e-7 * np.abs(by_hand).max(axis=0))
+
+
+def test_one_step_of_two_harmonics_is_told_by_what_is_left(tmp_path: Path) -> None:
+    path = tmp_path / "traces.nc"
+    data = traces([0.0], 5.1489, 162, 1.99e-7)
+    measurement.write(measurement.bundle({"traces": data}, geometry="square-270um"), path)
+    assert diagnose(path, workers=1).verdict == "adequate"

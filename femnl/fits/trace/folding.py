@@ -28,19 +28,46 @@ class Beyond:
 
     harmonic (n_beyond,). fold (n_steps, n_harmonics, 2 n_beyond) complex: what real, then imaginary
     parts of those beyond add to the measured ones. beat (n_steps, 2 n_beyond, 2 n_beyond): the mean
-    square that they leave, with `degrees` (n_steps,) degrees of freedom.
+    square that they leave, with `degrees` (n_steps,) degrees of freedom. seen (n_steps,) [V]: what
+    is left of a sample; noise [V]: the part of it that is known to be noise, 0 where none is.
     """
 
     harmonic: Orders
     fold: ComplexArray
     beat: Array
     degrees: NDArray[np.int64]
+    seen: Array
+    noise: float
 
     @cached_property
     def share(self) -> Array:
         """The mean square (n_steps, n_beyond) that |V_n| = 1 V leaves, whatever the phases."""
         real, imaginary = np.split(np.diagonal(self.beat, axis1=1, axis2=2), 2, axis=1)
         return np.asarray((real + imaginary) / 2)
+
+    def misfit(self, left: Array, steps: NDArray[np.int64]) -> Array:
+        """Return the residual (n_steps, …) of a mean square `left` [V²] that some steps leave.
+
+        Where no noise is known, only more than all that is seen contradicts.
+        """
+        shape = (-1,) + (1,) * (left.ndim - 1)
+        seen = self.seen[steps].reshape(shape)
+        degrees = self.degrees[steps].reshape(shape)
+        if self.noise:
+            return np.asarray(
+                np.sqrt(2 * degrees) * (seen / np.sqrt(self.noise**2 + np.maximum(left, 0)) - 1)
+            )
+        return np.asarray(np.sqrt(degrees / 2) * np.maximum(left / seen**2 - 1, 0))
+
+    def misfit_slope(self, volts: ComplexArray, change: ComplexArray) -> Array:
+        """Return the derivative (n_steps,) of `misfit` as all harmonics change [V/…]."""
+        left = self.left(volts)
+        by_left = np.where(left > self.seen**2, np.sqrt(self.degrees / 2) / self.seen**2, 0.0)
+        if self.noise:
+            whole = self.noise**2 + np.maximum(left, 0)
+            by_left = -np.sqrt(2 * self.degrees) * self.seen / (2 * whole**1.5)
+        steep = 2 * np.sum(self._parts(volts) * (self.beat @ self._parts(change)), axis=(1, 2))
+        return np.asarray(by_left * steep)
 
     def left(self, volts: ComplexArray) -> Array:
         """Return the mean square (n_steps,) that harmonics (n_all, n_steps) [V] leave."""
@@ -58,12 +85,16 @@ class Beyond:
         return np.concatenate([high.real, high.imag]).T[:, :, None]
 
 
-def beyond(traces: xr.Dataset, spectrum: HarmonicSpectrum) -> Beyond:
-    """Return what the harmonics beyond those of a spectrum do to the traces it is of."""
+def beyond(traces: xr.Dataset, spectrum: HarmonicSpectrum, noise: float = 0.0) -> Beyond:
+    """Return what the harmonics beyond those of a spectrum do to the traces it is of.
+
+    noise [V] per sample, 0 where it is not known.
+    """
     count = int(spectrum.harmonic.max())
     every = folded(traces, spectrum.drive_frequency, count, max(SMOOTH, count + 1))
     degrees = degrees_left(traces, count)
-    return Beyond(every.orders[count:], every.fold, every.beat / degrees[:, None, None], degrees)
+    beat = every.beat / degrees[:, None, None]
+    return Beyond(every.orders[count:], every.fold, beat, degrees, spectrum.noise_sd, noise)
 
 
 def degrees_left(traces: xr.Dataset, n_harmonics: int) -> NDArray[np.int64]:

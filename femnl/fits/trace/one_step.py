@@ -25,21 +25,18 @@ class OneStep:
         series: FourierSeries,
         fringe: dict[str, float],
         measured: tuple[Orders, ComplexArray, Array],
-        noise: float,
         beyond: Beyond,
         step: int,
     ) -> None:
-        """Take the fringe; the measured harmonics, their values and sd [V]; and what is left."""
+        """Take the fringe, and the measured harmonics with their values and sd [V]."""
         self._series = series
         self._fringe = fringe
         harmonic, values, sd = measured
         self._orders = np.concatenate([harmonic, beyond.harmonic])
         self._values = values[:, None]
         self._sd = sd[:, None]
-        self._noise = noise
-        self._fold = beyond.fold[step]
-        self._beat = beyond.beat[step]
-        self._spread = 1 / np.sqrt(beyond.degrees[step] / 2)
+        self._beyond = beyond
+        self._step = step
 
     def best(self, amplitudes: Array) -> tuple[float, float, float]:
         """Return χ², amplitude and phase of the best motion of a grid, refined."""
@@ -79,7 +76,7 @@ class OneStep:
         """Return the residuals (n_residuals, n) of harmonics V_n [V], (n_orders, n)."""
         low, high = np.split(volts, [len(self._values)])
         parts = np.concatenate([high.real, high.imag])
-        off = (self._values - low - self._fold @ parts) / self._sd
-        left = np.sum(parts * (self._beat @ parts), axis=0)
-        too_much = np.maximum(left / self._noise**2 - 1, 0) / self._spread
-        return np.concatenate([off.real, off.imag, too_much[None]])
+        off = (self._values - low - self._beyond.fold[self._step] @ parts) / self._sd
+        left = np.sum(parts * (self._beyond.beat[self._step] @ parts), axis=0)
+        rest = self._beyond.misfit(left[None], np.array([self._step]))
+        return np.concatenate([off.real, off.imag, rest])

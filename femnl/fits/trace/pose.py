@@ -47,7 +47,6 @@ def pose(
     spectrum = decompose(traces, n_harmonics)
     degrees = degrees_left(traces, n_harmonics)
     factor = found_factor(traces, spectrum, degrees)
-    sine = fit_spot(spectrum, wavelength, beyond=beyond(traces, spectrum))
     kept = spectrum.harmonic > 0
     harmonic = np.asarray(spectrum.harmonic[kept], np.int64)
     frequency = spectrum.drive_frequency
@@ -55,6 +54,8 @@ def pose(
     stated = dataset.attrs.get("noise_sd")
     seen = float(np.sqrt(np.mean(spectrum.noise_sd**2)))
     noise = seen if stated is None else factor * float(stated)
+    rest = beyond(traces, spectrum, 0.0 if stated is None else noise)
+    sine = fit_spot(spectrum, wavelength, beyond=rest)
     contrast = sine.fit["contrast"]
     theta = sine.fit["fringe_phase"]
     deepest = 40 * wavelength / (4 * np.pi)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -73,13 +74,12 @@ def fit_spot(
         spectrum.values[kept],
         spectrum.values_sd[kept],
         _held(fixed or {}),
-        spectrum.noise_sd,
         beyond,
     )
-    optima = sorted((problem.refine(start, 10) for start in problem.starts()), key=problem.misfit)
+    optima = sorted((problem.refine(start, 10) for start in problem.starts()), key=itemgetter(1))
     if not optima:
         raise MeasurementError("traces: no harmonic has any voltage; nothing moves, or no light")
-    best = min((problem.settle(vector) for vector, _ in optima[:2]), key=problem.misfit)[0]
+    best = min((problem.settle(vector) for vector, _ in optima[:2]), key=itemgetter(1))[0]
     return problem.report(problem.canonical(best))
 
 
@@ -99,8 +99,7 @@ def _held(fixed: Mapping[str, float]) -> Array:
 class _Spot:
     """The parameter vector: V_C, θ, then U of every step, then φ of every step.
 
-    held (2,): V_C and θ where they are held, NaN where free. noise (n_steps,) [V]: what is left of
-    a sample.
+    held (2,): V_C and θ where they are held, NaN where free.
     """
 
     series: FourierSeries
@@ -108,7 +107,6 @@ class _Spot:
     values: ComplexArray
     sd: Array
     held: Array
-    noise: Array
     beyond: Beyond | None
 
     def all_held(self, vector: Array) -> Held:
@@ -149,25 +147,45 @@ class _Spot:
 
     def residuals(self, vector: Array) -> Array:
         if self.wavenumber * np.abs(self.split(vector)[1]).max() > 2 * DEEPEST:
-            return np.full(2 * self.values.size, WALL)
-        return _real((self.values - self.predict(vector)) / self.sd)
+            return np.full(self._count, WALL)
+        volts = self._all(vector)
+        off = _real((self.values - self._seen(volts)) / self.sd)
+        if self.beyond is None:
+            return off
+        steps = np.arange(self.values.shape[1])
+        return np.concatenate([off, self.beyond.misfit(self.beyond.left(volts), steps)])
+
+    @property
+    def _count(self) -> int:
+        """Number of residuals: the data, and what is left of each record where that is known."""
+        return 2 * self.values.size + (0 if self.beyond is None else self.values.shape[1])
 
     def jacobian(self, vector: Array) -> Array:
         fringe, amplitude, phase = self.split(vector)
         parts = real_part(self.series, self._orders, amplitude, fringe)
         turn = np.exp(1j * self._orders[:, None] * phase)
+        volts = fringe["contrast"] * turn * parts["motion"]
         n_steps = amplitude.size
-        result = np.zeros((2 * self.values.size, vector.size))
-        result[:, 0] = -_real(self._seen(turn * parts["motion"]) / self.sd)
-        by_theta = fringe["contrast"] * turn * parts["fringe_phase"]
-        result[:, 1] = -_real(self._seen(by_theta) / self.sd)
-        blocks = result.reshape(len(self.harmonic), n_steps, 2, vector.size)
+        n_data = 2 * self.values.size
+        result = np.zeros((self._count, vector.size))
+        blocks = result[:n_data].reshape(len(self.harmonic), n_steps, 2, vector.size)
         step = np.arange(n_steps)
+        by_theta = fringe["contrast"] * turn * parts["fringe_phase"]
+        for column, change in enumerate((turn * parts["motion"], by_theta)):
+            result[:n_data, column] = -_real(self._seen(change) / self.sd)
+            if self.beyond is not None:
+                result[n_data:, column] = self.beyond.misfit_slope(volts, change)
         by_phase = 1j * self._orders[:, None] * parts["motion"]
-        for column, slope in ((2 + step, parts["by_displacement"]), (2 + n_steps + step, by_phase)):
-            change = -self._seen(fringe["contrast"] * turn * slope) / self.sd
-            blocks[:, step, 0, column] = change.real
-            blocks[:, step, 1, column] = change.imag
+        for columns, slope in (
+            (2 + step, parts["by_displacement"]),
+            (2 + n_steps + step, by_phase),
+        ):
+            own = fringe["contrast"] * turn * slope
+            seen = -self._seen(own) / self.sd
+            blocks[:, step, 0, columns] = seen.real
+            blocks[:, step, 1, columns] = seen.imag
+            if self.beyond is not None:
+                result[n_data + step, columns] = self.beyond.misfit_slope(volts, own)
         return result
 
     def refine(self, vector: Array, most: int) -> tuple[Array, float]:
@@ -187,36 +205,30 @@ class _Spot:
         )
         return held.whole(found.x), float(2 * found.cost)
 
-    def misfit(self, optimum: tuple[Array, float]) -> float:
-        """Return χ² of an optimum, with what its harmonics beyond would leave too much."""
-        vector, chi2 = optimum
-        if self.beyond is None:
-            return chi2
-        steps = np.arange(self.values.shape[1])
-        return chi2 + float(np.sum(self._too_much(self.beyond.left(self._all(vector)), steps)))
-
     def settle(self, vector: Array) -> tuple[Array, float]:
         """Return the minimum reached by searching every step's motion and refining all in turn."""
         best = self.refine(vector, 100)
         for _ in range(5):
             fringe = self.split(best[0])[0]
             again = self.refine(self._with_motion(fringe["contrast"], fringe["fringe_phase"]), 100)
-            if self.misfit(again) >= self.misfit(best) * (1 - 1e-9):
+            if again[1] >= best[1] * (1 - 1e-9):
                 break
             best = again
         if self.beyond is None:
             return best
         moved = self._folded(best[0], self.beyond)
-        return min(best, self.refine(moved, 100), key=self.misfit)
+        return min(best, self.refine(moved, 100), key=itemgetter(1))
 
     def _folded(self, vector: Array, beyond: Beyond) -> Array:
         """Return the parameters with motion that the folded harmonics ask for, where it misfits."""
         fringe, amplitude, phase = self.split(np.array(vector))
-        off = np.abs((self.values - self.predict(vector)) / self.sd) ** 2
-        chi2 = off.sum(axis=0)
+        residuals = self.residuals(vector)
+        n_data = 2 * self.values.size
+        off = residuals[:n_data].reshape(self.harmonic.size, -1, 2)
+        chi2 = np.sum(off**2, axis=(0, 2)) + residuals[n_data:] ** 2
         for i in np.flatnonzero(chi2 > self.harmonic.size):
             measured = (self.harmonic, self.values[:, i], self.sd[:, i])
-            step = OneStep(self.series, fringe, measured, self.noise[i], beyond, int(i))
+            step = OneStep(self.series, fringe, measured, beyond, int(i))
             left, *motion = step.best(self._grid / self.wavenumber)
             if left < chi2[i]:
                 amplitude[i], phase[i] = motion
@@ -277,7 +289,9 @@ class _Spot:
     ) -> Array:
         """Return χ² (n_steps, n_z) at a contrast, but for that of no motion."""
         plain = contrast**2 * norm - 2 * contrast * overlap
-        return np.asarray(plain + self._too_much(contrast**2 * left, steps))
+        if self.beyond is None:
+            return plain
+        return np.asarray(plain + self.beyond.misfit(contrast**2 * left, steps) ** 2)
 
     def _left(self, theta: float, steps: Orders, amplitude: Array) -> Array:
         """Return the mean square (n_steps, n_amplitudes) that harmonics beyond leave at V_C = 1."""
@@ -286,15 +300,6 @@ class _Spot:
         fringe = {"contrast": 1.0, "fringe_phase": theta}
         unit = real_part(self.series, self.beyond.harmonic, amplitude, fringe)["motion"]
         return np.asarray(self.beyond.share[steps] @ unit**2)
-
-    def _too_much(self, left: Array, steps: Orders) -> Array:
-        """Return what χ² grows by where more would be left of a record than is [V²]."""
-        if self.beyond is None:
-            return np.zeros_like(left)
-        shape = (-1,) + (1,) * (left.ndim - 1)
-        ratio = left / (self.noise[steps] ** 2).reshape(shape)
-        degrees = self.beyond.degrees[steps].reshape(shape)
-        return np.asarray(degrees / 2 * np.maximum(ratio - 1, 0) ** 2)
 
     @property
     def _grid(self) -> Array:
@@ -358,7 +363,7 @@ class _Spot:
                 "every phase of motion by π",
             )
         sd = np.sqrt(np.diag(found))
-        residuals = self.residuals(vector)
+        residuals = self.residuals(vector)[: 2 * self.values.size]
         parameters = {
             name: Parameter(name, fringe[name], float(sd[i]), unit)
             for i, (name, unit) in enumerate((("contrast", "V"), ("fringe_phase", "rad")))
