@@ -139,3 +139,15 @@ def test_one_step_of_two_harmonics_is_told_by_what_is_left(tmp_path: Path) -> No
     data = traces([0.0], 5.1489, 162, 1.99e-7)
     measurement.write(measurement.bundle({"traces": data}, geometry="square-270um"), path)
     assert diagnose(path, workers=1).verdict == "adequate"
+
+
+def test_phases_of_a_recorded_drive_fold_as_its_motion_does() -> None:
+    data = traces([-1, 0.1, 1], 10.0157, 1585, 8e-7)
+    late = 0.9
+    time = data["time"].values
+    drive = np.tile(np.cos(2 * np.pi * F * time + late), (3, 1))
+    whole = data.assign(drive_voltage=(("step", "time"), drive))
+    found = motion(whole)
+    np.testing.assert_allclose(found.amplitude, motion(data).amplitude, rtol=1e-4)
+    off = found.phase - motion(data).phase + late
+    assert np.all(np.abs((off + np.pi) % (2 * np.pi) - np.pi) < 1e-3)

@@ -58,6 +58,22 @@ def drive_frequencies(traces: xr.Dataset) -> Array:
     )
 
 
+def drive_phases(traces: xr.Dataset, frequency: Array) -> Array:
+    """Return the phase of the recorded drive at t = 0 (n_steps,), 0 where none was recorded.
+
+    frequency (n_steps,) [Hz] of the drive.
+    """
+    if "drive_voltage" not in traces:
+        return np.zeros(len(frequency))
+    time = traces["time"].values.astype(float)
+    return np.array(
+        [
+            np.angle(_harmonics(time, row, float(f), 1)[0][1])
+            for row, f in zip(traces["drive_voltage"].values, frequency, strict=True)
+        ]
+    )
+
+
 def most_harmonics(traces: xr.Dataset) -> int:
     """Return how many harmonics, of MOST_HARMONICS, rate and length of the records allow.
 
@@ -101,7 +117,7 @@ def decompose(traces: xr.Dataset, n_harmonics: int = MOST_HARMONICS) -> Harmonic
     frequency = drive_frequencies(traces)
     time = traces["time"].values.astype(float)
     voltage = traces["voltage"].values
-    drive = traces["drive_voltage"].values if "drive_voltage" in traces else None
+    phase = drive_phases(traces, frequency)
     orders = np.arange(n_harmonics + 1)
     values = np.zeros((n_harmonics + 1, len(voltage)), complex)
     sd = np.zeros((n_harmonics + 1, len(voltage)))
@@ -112,9 +128,7 @@ def decompose(traces: xr.Dataset, n_harmonics: int = MOST_HARMONICS) -> Harmonic
         values[:, i], sd[:, i], noise[i], left[i, used] = _harmonics(
             time, row, float(f), n_harmonics
         )
-        if drive is not None:
-            phase = np.angle(_harmonics(time, drive[i], float(f), 1)[0][1])
-            values[:, i] *= np.exp(-1j * orders * phase)
+        values[:, i] *= np.exp(-1j * orders * phase[i])
     colour = _colour(time, frequency, left, n_harmonics)
     interval = float(np.median(np.diff(time)))
     sd *= np.sqrt(colour.relative_power(np.outer(orders, frequency * interval)))

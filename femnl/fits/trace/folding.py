@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve
 
 from femnl.core.readout import Array, ComplexArray, HarmonicSpectrum
-from femnl.fits.trace.decompose import design
+from femnl.fits.trace.decompose import design, drive_phases
 from femnl.observe.trace.model import Folded
 from femnl.optics.unit_fringe import Orders
 
-SMOOTH = 48
-"""Harmonics that a sinusoidal fringe makes of the deepest motion that is sought."""
 SMOOTH = 48
 """Harmonics that a sinusoidal fringe makes of the deepest motion that is sought."""
 AT_ONCE = 65_536
@@ -108,9 +106,11 @@ def folded(traces: xr.Dataset, frequency: Array, n_harmonics: int, most: int) ->
     frequency (n_steps,) [Hz] of the drive.
     """
     orders = np.arange(1, max(most, n_harmonics) + 1)
+    # Phases count from the drive where it was recorded, and so do times
+    late = drive_phases(traces, frequency) / (2 * np.pi * frequency)
     steps = [
-        _folding(time, f, n_harmonics, len(orders))
-        for time, f in zip(_times(traces), frequency, strict=True)
+        _folding(time + start, f, n_harmonics, len(orders))
+        for time, start, f in zip(_times(traces), late, frequency, strict=True)
     ]
     return Folded(
         orders, np.stack([fold for fold, _ in steps]), np.stack([beat for _, beat in steps])
