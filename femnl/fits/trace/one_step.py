@@ -7,8 +7,10 @@ from femnl.core.readout import Array, ComplexArray, FourierSeries
 from femnl.fits.trace.folding import Beyond
 from femnl.optics.unit_fringe import Orders, real_part
 
-TURNS = 8
+TURNS = 4
 """Phases of the motion that are tried for each period of the highest measured harmonic."""
+STEP = 0.01
+"""Sizes of steps: of the phase in rad, and of the amplitude in parts of the largest one."""
 FOLLOWED = 3
 """Motions of a grid that are refined."""
 
@@ -54,7 +56,7 @@ class OneStep:
         ends = []
         for k in valleys[np.argsort(lowest[valleys])[:FOLLOWED]]:
             start = np.array([amplitudes[k], phases[np.argmin(misfit[:, k])]])
-            found = least_squares(self._of, start, x_scale=(amplitudes[0], 0.1))
+            found = least_squares(self._of, start, x_scale=(STEP * amplitudes[-1], STEP))
             ends.append((float(2 * found.cost), abs(float(found.x[0])), float(found.x[1])))
         return min(ends)
 

@@ -23,6 +23,11 @@ N_ORDERS = 8
 """Steps of the drive, and harmonics, that decide on the fringe in the search."""
 FRINGE = ("contrast", "fringe_phase")
 """Parameters that all steps share."""
+FEW = 12
+MISFIT = 0.5
+"""Harmonics up to which, and χ² of a step for each datum from which on, its motion is sought with
+the folded ones, which count as noise in χ². More harmonics tell motions apart themselves.
+"""
 WALL = 1e9
 """Residual of motion beyond twice the grid, so that no step leads there."""
 
@@ -176,16 +181,13 @@ class _Spot:
             if self.beyond is not None:
                 result[n_data:, column] = self.beyond.misfit_slope(volts, change)
         by_phase = 1j * self._orders[:, None] * parts["motion"]
-        for columns, slope in (
-            (2 + step, parts["by_displacement"]),
-            (2 + n_steps + step, by_phase),
-        ):
+        for first, slope in ((2, parts["by_displacement"]), (2 + n_steps, by_phase)):
             own = fringe["contrast"] * turn * slope
             seen = -self._seen(own) / self.sd
-            blocks[:, step, 0, columns] = seen.real
-            blocks[:, step, 1, columns] = seen.imag
+            blocks[:, step, 0, first + step] = seen.real
+            blocks[:, step, 1, first + step] = seen.imag
             if self.beyond is not None:
-                result[n_data + step, columns] = self.beyond.misfit_slope(volts, own)
+                result[n_data + step, first + step] = self.beyond.misfit_slope(volts, own)
         return result
 
     def refine(self, vector: Array, most: int) -> tuple[Array, float]:
@@ -214,7 +216,7 @@ class _Spot:
             if again[1] >= best[1] * (1 - 1e-9):
                 break
             best = again
-        if self.beyond is None:
+        if self.beyond is None or self.harmonic.size > FEW:
             return best
         moved = self._folded(best[0], self.beyond)
         return min(best, self.refine(moved, 100), key=itemgetter(1))
@@ -226,10 +228,11 @@ class _Spot:
         n_data = 2 * self.values.size
         off = residuals[:n_data].reshape(self.harmonic.size, -1, 2)
         chi2 = np.sum(off**2, axis=(0, 2)) + residuals[n_data:] ** 2
-        for i in np.flatnonzero(chi2 > self.harmonic.size):
-            measured = (self.harmonic, self.values[:, i], self.sd[:, i])
-            step = OneStep(self.series, fringe, measured, beyond, int(i))
-            left, *motion = step.best(self._grid / self.wavenumber)
+        for i in np.flatnonzero(chi2 > MISFIT * 2 * self.harmonic.size):
+            data = (self.harmonic, self.values[:, i], self.sd[:, i])
+            step = OneStep(self.series, fringe, data, beyond, int(i))
+            deep = self._grid[self._grid > self.harmonic.size / 2]
+            left, *motion = step.best(deep / self.wavenumber)
             if left < chi2[i]:
                 amplitude[i], phase[i] = motion
         return np.concatenate([vector[:2], amplitude, phase])
@@ -370,8 +373,7 @@ class _Spot:
         }
         amplitude_sd, phase_sd = sd[2:].reshape(2, -1)
         n_free = int(np.count_nonzero(held.free))
-        degrees = residuals.size - n_free
-        if not degrees:
+        if not (degrees := residuals.size - n_free):
             notes = (*notes, "there are as many parameters as data, so that nothing tests the fit")
         fringe_held = Held(FRINGE, self.held)
         notes = (*fringe_held.notes, *notes)
