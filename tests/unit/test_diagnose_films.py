@@ -139,6 +139,7 @@ def test_a_pair_holds_both_modes_evenly_and_each_label_has_a_mode_of_its_own() -
     np.testing.assert_allclose(named.target @ named.target.T, np.eye(3), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_residue_that_the_film_lost_is_found_as_mass_below_zero(tmp_path: Path) -> None:
     model = load(SQUARE)
     modes = solve_modes(model, MODES)
