@@ -16,6 +16,7 @@ from femnl.core.stages import Fringe, Harmonics, Motion, Placement
 from femnl.mechanics.modes import ShapeValues
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.directions import of_harmonics, of_places
+from femnl.observe.map.faint import STRAIGHT, contrast_of_faint
 from femnl.observe.map.layout import around_places, follows, marked, time_across, where_most
 from femnl.observe.map.spots import Axis, Finer, Grid
 from femnl.observe.map.thinning import every, step_of
@@ -27,12 +28,6 @@ from femnl.optics.sampled import harmonics
 
 TILES = 3
 """Tiles along each axis of the map that are held out one by one."""
-STRAIGHT = 1.0
-"""Modulation z up to which the first harmonic hardly bends."""
-NOTHING = 1e-12
-"""Modulation z of a motion that a fit has lost."""
-DARK = 0.01
-"""|sin θ| below which the second harmonic of a faint motion may be the larger one."""
 LARGER = (3.0, 9.0, 27.0, 81.0)
 """Factors by which a faint motion may be larger."""
 FAR = (0.4, 0.6, 1.6)
@@ -317,25 +312,8 @@ class MapModel(MeasurementModel):
         return found
 
     def known_product(self, base: dict[str, float]) -> KnownProduct | None:
-        """Return contrast times the rest of the first harmonic, where the motion is faint.
-
-        The second harmonic tells the factors apart, the less the fainter the motion is.
-        """
-        faint = 0 < 4 * np.pi / self.wavelength * base["amplitude"] < STRAIGHT
-        if not faint or abs(np.sin(base["theta"])) < DARK:
-            return None
-        return KnownProduct("contrast", ("amplitude", "theta"), self._first_harmonic)
-
-    def _first_harmonic(self, amplitude: float, theta: float) -> tuple[float, tuple[float, float]]:
-        """Return z sin θ/(1 + z²/16)², which is 2 J₁(z) sin θ to order z³ and has no further zero.
-
-        The slopes of its logarithm come with it.
-        """
-        q = 4 * np.pi / self.wavelength
-        z = max(q * amplitude, NOTHING)
-        bent = 1 + z**2 / 16
-        factor = float(z * np.sin(theta) / bent**2)
-        return factor, (q * (1 / z - z / (4 * bent)), float(1 / np.tan(theta)))
+        """Return contrast times the rest of the first harmonic, where the motion is faint."""
+        return contrast_of_faint(base, self.wavelength)
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Return larger motions under less contrast, where the motion is faint.
