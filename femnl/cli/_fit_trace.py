@@ -32,7 +32,8 @@ def harmonics(
     import numpy as np
 
     from femnl.fits.trace.decompose import decompose, most_harmonics
-    from femnl.fits.trace.folding import beyond
+    from femnl.fits.trace.folding import beyond, degrees_left
+    from femnl.fits.trace.glitches import found_factor
     from femnl.fits.trace.spot import fit_spot
     from femnl.plot.harmonics import harmonics_figure
 
@@ -59,7 +60,9 @@ def harmonics(
         }
     held = in_si(fixed, {"contrast": "V", "fringe_phase": "rad"}.get)
     wavelength = float(dataset.attrs["wavelength"])
-    motion = fit_spot(spectrum, wavelength, fringe, held, beyond(dataset, spectrum))
+    degrees = degrees_left(dataset, int(spectrum.harmonic.max()))
+    noise = float(dataset.attrs.get("noise_sd", 0.0)) * found_factor(dataset, spectrum, degrees)
+    motion = fit_spot(spectrum, wavelength, fringe, held, beyond(dataset, spectrum, noise))
     steps = {
         key: getattr(motion, key) for key in ("amplitude", "amplitude_sd", "phase", "phase_sd")
     }

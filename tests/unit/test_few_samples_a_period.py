@@ -12,7 +12,8 @@ from femnl.core.fit import MotionFit
 from femnl.diagnose import diagnose
 from femnl.fits.trace.decompose import decompose, most_harmonics
 from femnl.fits.trace.folding import _folding, beyond
-from femnl.fits.trace.spot import _Spot, fit_spot
+from femnl.fits.trace.spot import fit_spot
+from femnl.fits.trace.spot_model import SpotModel
 from femnl.io import measurement
 from femnl.optics.fringe import SineFringe
 from femnl.optics.harmonics import trace
@@ -114,12 +115,11 @@ def test_derivatives_see_the_folded_harmonics_and_what_they_leave(noise: float) 
     data = traces([-1, 0.1, 1], 5.2, 1000, 2e-7)
     spectrum = decompose(data, most_harmonics(data))
     kept = spectrum.harmonic > 0
-    spot = _Spot(
+    spot = SpotModel(
         cosine(RED),
         spectrum.harmonic[kept],
         spectrum.values[kept],
         spectrum.values_sd[kept],
-        np.full(2, np.nan),
         beyond(data, spectrum, noise),
     )
     vector = np.array([0.025, 0.5, 1e-7, 2.2e-7, 1.1e-7, 0.3, 0.2, 1.0])
@@ -134,11 +134,15 @@ def test_derivatives_see_the_folded_harmonics_and_what_they_leave(noise: float) 
     assert np.all(off < 1e-7 * np.abs(by_hand).max(axis=0))
 
 
-def test_one_step_of_two_harmonics_is_told_by_what_is_left(tmp_path: Path) -> None:
+def test_one_step_of_two_harmonics_is_told_by_what_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "traces.nc"
-    data = traces([0.0], 5.1489, 162, 1.99e-7)
+    data = traces([0.0], 5.15, 300, 3e-7)
     measurement.write(measurement.bundle({"traces": data}, geometry="square-270um"), path)
     assert diagnose(path, workers=1).verdict == "adequate"
+    assert run(["fit", str(path)]) == 0
+    assert "largest amplitude 300" in capsys.readouterr().out
 
 
 def test_phases_of_a_recorded_drive_fold_as_its_motion_does() -> None:

@@ -26,14 +26,15 @@ class Beyond:
 
     harmonic (n_beyond,). fold (n_steps, n_harmonics, 2 n_beyond) complex: what real, then imaginary
     parts of those beyond add to the measured ones. beat (n_steps, 2 n_beyond, 2 n_beyond): the mean
-    square that they leave, with `degrees` (n_steps,) degrees of freedom. seen (n_steps,) [V]: what
-    is left of a sample; noise [V]: the part of it that is known to be noise, 0 where none is.
+    square that they leave, with `degrees` (n_steps,) independent degrees of freedom. seen
+    (n_steps,) [V]: what is left of a sample; noise [V]: the part of it that is known to be noise, 0
+    where none is.
     """
 
     harmonic: Orders
     fold: ComplexArray
     beat: Array
-    degrees: NDArray[np.int64]
+    degrees: Array
     seen: Array
     noise: float
 
@@ -90,9 +91,21 @@ def beyond(traces: xr.Dataset, spectrum: HarmonicSpectrum, noise: float = 0.0) -
     """
     count = int(spectrum.harmonic.max())
     every = folded(traces, spectrum.drive_frequency, count, max(SMOOTH, count + 1))
-    degrees = degrees_left(traces, count)
-    beat = every.beat / degrees[:, None, None]
-    return Beyond(every.orders[count:], every.fold, beat, degrees, spectrum.noise_sd, noise)
+    return beyond_of(every, spectrum, degrees_left(traces, count), noise)
+
+
+def beyond_of(
+    every: Folded, spectrum: HarmonicSpectrum, degrees: NDArray[np.int64], noise: float
+) -> Beyond:
+    """Return the same from what is folded; degrees (n_steps,): of freedom of what is left."""
+    return Beyond(
+        every.orders[every.fold.shape[1] :],
+        every.fold,
+        every.beat / degrees[:, None, None],
+        np.asarray(spectrum.independent * degrees, float),
+        spectrum.noise_sd,
+        noise,
+    )
 
 
 def degrees_left(traces: xr.Dataset, n_harmonics: int) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.numbers import engineering
 from femnl.fits.trace.decompose import PER_HARMONIC, decompose, most_harmonics, refuse_undriven
-from femnl.fits.trace.folding import SMOOTH, beyond, degrees_left, folded
+from femnl.fits.trace.folding import SMOOTH, beyond_of, degrees_left, folded
 from femnl.fits.trace.glitches import found_factor, without_glitches
 from femnl.fits.trace.spot import fit_spot
 from femnl.observe.film import SimulatedFilm
@@ -54,8 +54,9 @@ def pose(
     stated = dataset.attrs.get("noise_sd")
     seen = float(np.sqrt(np.mean(spectrum.noise_sd**2)))
     noise = seen if stated is None else factor * float(stated)
-    rest = beyond(traces, spectrum, 0.0 if stated is None else noise)
-    sine = fit_spot(spectrum, wavelength, beyond=rest)
+    smooth = folded(traces, frequency, n_harmonics, SMOOTH)
+    beyond = beyond_of(smooth, spectrum, degrees, 0.0 if stated is None else noise)
+    sine = fit_spot(spectrum, wavelength, beyond=beyond)
     contrast = sine.fit["contrast"]
     theta = sine.fit["fringe_phase"]
     deepest = 40 * wavelength / (4 * np.pi)
@@ -84,8 +85,8 @@ def pose(
         left=np.empty(0) if stated is None else spectrum.noise_sd,
         degrees=degrees,
         folded=(
-            folded(traces, frequency, len(harmonic), HIGHEST),
-            folded(traces, frequency, len(harmonic), SMOOTH),
+            folded(traces, frequency, n_harmonics, HIGHEST),
+            smooth,
         ),
         mode=int(np.argmin(np.abs(film.modes.frequency - np.median(frequency)))),
         base=(

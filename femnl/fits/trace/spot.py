@@ -9,15 +9,15 @@ from scipy.optimize import least_squares
 
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, MotionFit, Parameter
-from femnl.core.readout import Array, ComplexArray, FourierSeries, HarmonicSpectrum, PeriodicFringe
+from femnl.core.readout import Array, HarmonicSpectrum, PeriodicFringe
 from femnl.fits.held import Held, unknown
 from femnl.fits.trace.folding import Beyond
 from femnl.fits.trace.one_step import OneStep
+from femnl.fits.trace.spot_model import DEEPEST, SpotModel
 from femnl.optics.unit_fringe import Orders, cosine, real_part, unit_fringe
 
-DEEPEST = 30.0
 STEP = 0.1
-"""Grid of the search in z = qU, in rad."""
+"""Step of the search in z = qU, in rad."""
 N_SEARCHED = 15
 N_ORDERS = 8
 """Steps of the drive, and harmonics, that decide on the fringe in the search."""
@@ -28,8 +28,6 @@ MISFIT = 0.5
 """Harmonics up to which, and χ² of a step for each datum from which on, its motion is sought with
 the folded ones, which count as noise in χ². More harmonics tell motions apart themselves.
 """
-WALL = 1e9
-"""Residual of motion beyond twice the grid, so that no step leads there."""
 
 
 def fit_spot(
@@ -73,14 +71,14 @@ def fit_spot(
             "into two or more"
         )
     series = cosine(wavelength) if fringe is None else unit_fringe(fringe.fourier)
-    problem = _Spot(
+    model = SpotModel(
         series,
         spectrum.harmonic[kept],
         spectrum.values[kept],
         spectrum.values_sd[kept],
-        _held(fixed or {}),
         beyond,
     )
+    problem = _Search(model, _held(fixed or {}))
     optima = sorted((problem.refine(start, 10) for start in problem.starts()), key=itemgetter(1))
     if not optima:
         raise MeasurementError("traces: no harmonic has any voltage; nothing moves, or no light")
@@ -101,99 +99,24 @@ def _held(fixed: Mapping[str, float]) -> Array:
 
 
 @dataclass(frozen=True)
-class _Spot:
-    """The parameter vector: V_C, θ, then U of every step, then φ of every step.
+class _Search:
+    """The search for the least χ² of a model.
 
     held (2,): V_C and θ where they are held, NaN where free.
     """
 
-    series: FourierSeries
-    harmonic: Orders
-    values: ComplexArray
-    sd: Array
+    model: SpotModel
     held: Array
-    beyond: Beyond | None
 
     def all_held(self, vector: Array) -> Held:
         """Return what is held of the whole vector."""
         names = [str(k) for k in range(vector.size)]
         return Held(tuple(names), np.concatenate([self.held, np.full(vector.size - 2, np.nan)]))
 
-    @property
-    def wavenumber(self) -> float:
-        return 2 * np.pi / self.series.period
-
-    def split(self, vector: Array) -> tuple[dict[str, float], Array, Array]:
-        """Return the fringe, U and φ."""
-        amplitude, phase = vector[2:].reshape(2, -1)
-        return {"contrast": float(vector[0]), "fringe_phase": float(vector[1])}, amplitude, phase
-
-    def predict(self, vector: Array) -> ComplexArray:
-        """Return V_n of every step."""
-        return self._seen(self._all(vector))
-
-    @property
-    def _orders(self) -> Orders:
-        """All harmonics that are predicted, the measured ones first."""
-        if self.beyond is None:
-            return self.harmonic
-        return np.concatenate([self.harmonic, self.beyond.harmonic])
-
-    def _all(self, vector: Array) -> ComplexArray:
-        """Return V_n of all harmonics that are predicted (n_orders, n_steps)."""
-        fringe, amplitude, phase = self.split(vector)
-        motion = real_part(self.series, self._orders, amplitude, fringe)["motion"]
-        turn = np.exp(1j * self._orders[:, None] * phase)
-        return np.asarray(fringe["contrast"] * turn * motion)
-
-    def _seen(self, volts: ComplexArray) -> ComplexArray:
-        """Return the measured harmonics (n_harmonics, n_steps) of all (n_orders, n_steps)."""
-        return volts if self.beyond is None else self.beyond.add(volts)
-
-    def residuals(self, vector: Array) -> Array:
-        if self.wavenumber * np.abs(self.split(vector)[1]).max() > 2 * DEEPEST:
-            return np.full(self._count, WALL)
-        volts = self._all(vector)
-        off = _real((self.values - self._seen(volts)) / self.sd)
-        if self.beyond is None:
-            return off
-        steps = np.arange(self.values.shape[1])
-        return np.concatenate([off, self.beyond.misfit(self.beyond.left(volts), steps)])
-
-    @property
-    def _count(self) -> int:
-        """Number of residuals: the data, and what is left of each record where that is known."""
-        return 2 * self.values.size + (0 if self.beyond is None else self.values.shape[1])
-
-    def jacobian(self, vector: Array) -> Array:
-        fringe, amplitude, phase = self.split(vector)
-        parts = real_part(self.series, self._orders, amplitude, fringe)
-        turn = np.exp(1j * self._orders[:, None] * phase)
-        volts = fringe["contrast"] * turn * parts["motion"]
-        n_steps = amplitude.size
-        n_data = 2 * self.values.size
-        result = np.zeros((self._count, vector.size))
-        blocks = result[:n_data].reshape(len(self.harmonic), n_steps, 2, vector.size)
-        step = np.arange(n_steps)
-        by_theta = fringe["contrast"] * turn * parts["fringe_phase"]
-        for column, change in enumerate((turn * parts["motion"], by_theta)):
-            result[:n_data, column] = -_real(self._seen(change) / self.sd)
-            if self.beyond is not None:
-                result[n_data:, column] = self.beyond.misfit_slope(volts, change)
-        by_phase = 1j * self._orders[:, None] * parts["motion"]
-        for first, slope in ((2, parts["by_displacement"]), (2 + n_steps, by_phase)):
-            own = fringe["contrast"] * turn * slope
-            seen = -self._seen(own) / self.sd
-            blocks[:, step, 0, first + step] = seen.real
-            blocks[:, step, 1, first + step] = seen.imag
-            if self.beyond is not None:
-                result[n_data + step, first + step] = self.beyond.misfit_slope(volts, own)
-        return result
-
     def refine(self, vector: Array, most: int) -> tuple[Array, float]:
         """Return the nearest minimum of χ² and χ² there, or where `most` evaluations led."""
         held = self.all_held(vector)
-        residuals, jacobian = held.of_free(self.residuals, self.jacobian)
+        residuals, jacobian = held.of_free(self.model.residuals, self.model.jacobian)
         found = least_squares(
             residuals,
             vector[held.free],
@@ -211,29 +134,26 @@ class _Spot:
         """Return the minimum reached by searching every step's motion and refining all in turn."""
         best = self.refine(vector, 100)
         for _ in range(5):
-            fringe = self.split(best[0])[0]
+            fringe = self.model.split(best[0])[0]
             again = self.refine(self._with_motion(fringe["contrast"], fringe["fringe_phase"]), 100)
             if again[1] >= best[1] * (1 - 1e-9):
                 break
             best = again
-        if self.beyond is None or self.harmonic.size > FEW:
+        if self.model.beyond is None or self.model.harmonic.size > FEW:
             return best
-        moved = self._folded(best[0], self.beyond)
+        moved = self._folded(best[0], self.model.beyond)
         return min(best, self.refine(moved, 100), key=itemgetter(1))
 
     def _folded(self, vector: Array, beyond: Beyond) -> Array:
         """Return the parameters with motion that the folded harmonics ask for, where it misfits."""
-        fringe, amplitude, phase = self.split(np.array(vector))
-        residuals = self.residuals(vector)
-        n_data = 2 * self.values.size
-        off = residuals[:n_data].reshape(self.harmonic.size, -1, 2)
-        chi2 = np.sum(off**2, axis=(0, 2)) + residuals[n_data:] ** 2
-        for i in np.flatnonzero(chi2 > MISFIT * 2 * self.harmonic.size):
-            data = (self.harmonic, self.values[:, i], self.sd[:, i])
-            step = OneStep(self.series, fringe, data, beyond, int(i))
-            deep = self._grid[self._grid > self.harmonic.size / 2]
-            left, *motion = step.best(deep / self.wavenumber)
-            if left < chi2[i]:
+        model = self.model
+        fringe, amplitude, phase = model.split(np.array(vector))
+        chi2 = model.chi2_by_step(vector)
+        deep = self._amplitudes[model.wavenumber * self._amplitudes > model.harmonic.size / 2]
+        for i in np.flatnonzero(chi2 > MISFIT * 2 * model.harmonic.size):
+            data = (model.harmonic, model.values[:, i], model.sd[:, i])
+            found, *motion = OneStep(model.series, fringe, data, beyond, int(i)).best(deep)
+            if found < chi2[i]:
                 amplitude[i], phase[i] = motion
         return np.concatenate([vector[:2], amplitude, phase])
 
@@ -242,24 +162,24 @@ class _Spot:
 
         The motion of every step is searched at each.
         """
-        symmetric = bool(np.abs(self.series.coefficients.imag).max() < 1e-9)
+        symmetric = bool(np.abs(self.model.series.coefficients.imag).max() < 1e-9)
         theta = np.arange(0, np.pi if symmetric else 2 * np.pi, np.pi / 32) + np.pi / 64
-        contrast = np.abs(self.values).max() * np.geomspace(0.6, 30, 40)
+        contrast = np.abs(self.model.values).max() * np.geomspace(0.6, 30, 40)
         theta, contrast = (
             tried if np.isnan(value) else np.array([value])
             for tried, value in zip((theta, contrast), self.held[::-1], strict=True)
         )
-        strength = np.argsort(np.sum(np.abs(self.values / self.sd) ** 2, axis=0))
+        strength = np.argsort(np.sum(np.abs(self.model.values / self.model.sd) ** 2, axis=0))
         steps = strength[
             np.unique(np.linspace(0, strength.size - 1, min(N_SEARCHED, strength.size)).astype(int))
         ]
-        orders = np.arange(min(N_ORDERS, self.harmonic.size))
+        orders = np.arange(min(N_ORDERS, self.model.harmonic.size))
         misfit = np.zeros((theta.size, contrast.size))
         for i, angle in enumerate(theta):
             overlap, norm, _ = self._match(float(angle), steps, orders)
-            left = self._left(float(angle), steps, self._grid / self.wavenumber)
+            left = self.model.misfit_left(float(angle), steps, self._amplitudes)
             misfit[i] = [
-                np.sum(np.min(self._at(level, overlap, norm, left, steps), axis=1))
+                np.sum(np.min(level**2 * norm - 2 * level * overlap + left(level), axis=1))
                 for level in contrast
             ]
         wrapped = np.pad(misfit, ((1, 1), (1, 1)), mode="edge")
@@ -279,46 +199,28 @@ class _Spot:
 
     def _with_motion(self, contrast: float, theta: float) -> Array:
         """Return the parameters with the best motion of every step at the given fringe."""
-        steps = np.arange(self.values.shape[1])
-        overlap, norm, phase = self._match(theta, steps, np.arange(self.harmonic.size))
-        left = self._left(theta, steps, self._grid / self.wavenumber)
-        best = np.argmin(self._at(contrast, overlap, norm, left, steps), axis=1)
-        return np.concatenate(
-            [[contrast, theta], self._grid[best] / self.wavenumber, phase[steps, best]]
-        )
-
-    def _at(
-        self, contrast: float, overlap: Array, norm: Array, left: Array, steps: Orders
-    ) -> Array:
-        """Return χ² (n_steps, n_z) at a contrast, but for that of no motion."""
-        plain = contrast**2 * norm - 2 * contrast * overlap
-        if self.beyond is None:
-            return plain
-        return np.asarray(plain + self.beyond.misfit(contrast**2 * left, steps) ** 2)
-
-    def _left(self, theta: float, steps: Orders, amplitude: Array) -> Array:
-        """Return the mean square (n_steps, n_amplitudes) that harmonics beyond leave at V_C = 1."""
-        if self.beyond is None:
-            return np.zeros((steps.size, amplitude.size))
-        fringe = {"contrast": 1.0, "fringe_phase": theta}
-        unit = real_part(self.series, self.beyond.harmonic, amplitude, fringe)["motion"]
-        return np.asarray(self.beyond.share[steps] @ unit**2)
+        steps = np.arange(self.model.values.shape[1])
+        overlap, norm, phase = self._match(theta, steps, np.arange(self.model.harmonic.size))
+        left = self.model.misfit_left(theta, steps, self._amplitudes)(contrast)
+        best = np.argmin(contrast**2 * norm - 2 * contrast * overlap + left, axis=1)
+        return np.concatenate([[contrast, theta], self._amplitudes[best], phase[steps, best]])
 
     @property
-    def _grid(self) -> Array:
-        return np.arange(STEP, DEEPEST, STEP)
+    def _amplitudes(self) -> Array:
+        """The amplitudes [m] that are tried."""
+        return np.arange(STEP, DEEPEST, STEP) / self.model.wavenumber
 
     def _match(self, theta: float, steps: Orders, orders: Orders) -> tuple[Array, Array, Array]:
         """Return the largest overlap of data and unit fringe over φ for each step and z.
 
         The norm of the fringe and that φ come with it.
         """
-        n = self.harmonic[orders]
+        n = self.model.harmonic[orders]
         fringe = {"contrast": 1.0, "fringe_phase": theta}
-        unit = real_part(self.series, n, self._grid / self.wavenumber, fringe)["motion"].T
-        weight = 1 / self.sd[np.ix_(orders, steps)] ** 2
+        unit = real_part(self.model.series, n, self._amplitudes, fringe)["motion"].T
+        weight = 1 / self.model.sd[np.ix_(orders, steps)] ** 2
         phi = np.arange(0, 2 * np.pi, np.pi / (4 * n.max()))
-        turned = (weight * self.values[np.ix_(orders, steps)])[..., None] * np.exp(
+        turned = (weight * self.model.values[np.ix_(orders, steps)])[..., None] * np.exp(
             -1j * n[:, None, None] * phi
         )
         met = unit @ turned.real.transpose(1, 0, 2)
@@ -329,17 +231,17 @@ class _Spot:
 
         V_C > 0 for a cosine, θ of a symmetric fringe in [0, π]; what is held stays.
         """
-        fringe, amplitude, phase = self.split(vector)
+        fringe, amplitude, phase = self.model.split(vector)
         contrast = fringe["contrast"]
         theta = fringe["fringe_phase"]
         phase = phase + np.where(amplitude < 0, np.pi, 0.0)
         if not np.isnan(self.held).all():
             turned = np.pi - (np.pi - phase) % (2 * np.pi)
             return np.concatenate([[contrast, theta], np.abs(amplitude), turned])
-        if self.series.coefficients.size == 2 and contrast < 0:
+        if self.model.series.coefficients.size == 2 and contrast < 0:
             contrast = -contrast
             theta = theta + np.pi
-        if np.sin(theta) < 0 and np.abs(self.series.coefficients.imag).max() < 1e-9:
+        if np.sin(theta) < 0 and np.abs(self.model.series.coefficients.imag).max() < 1e-9:
             theta = -theta
             phase = phase + np.pi
         angles = np.pi - (np.pi - np.concatenate([[theta], phase])) % (2 * np.pi)
@@ -347,7 +249,7 @@ class _Spot:
 
     def report(self, vector: Array) -> MotionFit:
         """Put values, uncertainties, prediction and notes together."""
-        fringe, amplitude, phase = self.split(vector)
+        fringe, amplitude, phase = self.model.split(vector)
         names = [
             "contrast",
             "fringe_phase",
@@ -358,15 +260,15 @@ class _Spot:
             [[abs(vector[0]), 1.0], np.full(amplitude.size, 1e-9), np.ones(amplitude.size)]
         )
         held = replace(self.all_held(vector), names=tuple(names))
-        found, notes = held.covariance(self.jacobian(vector), unit)
-        if np.isnan(self.held[1]) and np.abs(self.series.coefficients.imag).max() < 1e-9:
+        found, notes = held.covariance(self.model.jacobian(vector), unit)
+        if np.isnan(self.held[1]) and np.abs(self.model.series.coefficients.imag).max() < 1e-9:
             notes = (
                 *notes,
                 "θ and −θ are indistinguishable: the fringe is symmetric, and the other sign turns "
                 "every phase of motion by π",
             )
         sd = np.sqrt(np.diag(found))
-        residuals = self.residuals(vector)[: 2 * self.values.size]
+        residuals = self.model.residuals(vector)[: self.model.n_data]
         parameters = {
             name: Parameter(name, fringe[name], float(sd[i]), unit)
             for i, (name, unit) in enumerate((("contrast", "V"), ("fringe_phase", "rad")))
@@ -390,11 +292,6 @@ class _Spot:
             amplitude_sd,
             phase,
             phase_sd,
-            self.predict(vector),
-            (self.values - self.predict(vector)) / self.sd,
+            self.model.predict(vector),
+            (self.model.values - self.model.predict(vector)) / self.model.sd,
         )
-
-
-def _real(values: ComplexArray) -> Array:
-    """Return real and imaginary parts side by side, flat."""
-    return np.ascontiguousarray(values).view(float).ravel()
