@@ -282,3 +282,5 @@ def _show(found: Diagnosis) -> None:
             f"also tried: {', '.join(other.causes)}, probability {other.probability:.2g}"
         )
     console().print(found.measure_next)
+    for assumed in found.notes:
+        console().print(f"assumed: {assumed}")

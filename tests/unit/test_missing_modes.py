@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femnl.cli._main import run
 from femnl.device.geometry import load
 from femnl.diagnose import diagnose
 from femnl.fits.spectrum.without_labels import modes_of
@@ -58,11 +59,14 @@ def test_ranks_go_to_the_modes_that_were_measured() -> None:
     np.testing.assert_array_equal(found, [[2.0, 5.0, 4.0]])
 
 
-def test_a_spectrum_with_modes_missing_needs_no_cause(tmp_path: Path) -> None:
+def test_a_spectrum_with_modes_missing_needs_no_cause(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "lines.nc"
     modes = [0, 2, 3, 5, 6, 7, 9, 10]
     spectrum = measurement.spectrum(lines(modes), np.full(len(modes), SD))
     measurement.write(measurement.bundle({"lines": spectrum}, geometry=NAME), path)
-    found = diagnose(path, workers=1)
-    assert found.verdict == "adequate"
-    assert any("label them where that is wrong" in note for note in found.notes)
+    assert diagnose(path, workers=1).verdict == "adequate"
+    assert run(["diagnose", str(path), "--workers", "1", "--out", str(tmp_path / "out")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "taken for modes (1), (3), (4), (6), (7), (8), (10), (11); label them" in said
