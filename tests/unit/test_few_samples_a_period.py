@@ -1,6 +1,7 @@
 """Traces with few samples a period: the harmonics beyond half the sampling rate are seen too."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from femnl.core.fit import MotionFit
 from femnl.diagnose import diagnose
 from femnl.fits.trace.decompose import decompose, most_harmonics
 from femnl.fits.trace.folding import _folding, beyond
+from femnl.fits.trace.glitches import without_glitches
 from femnl.fits.trace.spot import fit_spot
 from femnl.fits.trace.spot_model import SpotModel
 from femnl.io import measurement
@@ -50,6 +52,25 @@ def test_deep_motion_is_found_from_the_five_harmonics_below_half_the_sampling_ra
     true = 8e-7 / np.hypot(1, 2 * detuning)
     assert found.prediction.shape == (5, 12)
     np.testing.assert_allclose(found.amplitude, true, rtol=1e-3)
+
+
+def test_known_noise_tells_motions_apart_that_differ_by_less_than_what_is_folded() -> None:
+    detuning = np.linspace(-2, 2, 20)
+    data = traces(list(detuning), 10.0157, 1585, 7.945e-7)
+    spectrum = decompose(data, most_harmonics(data))
+    found = fit_spot(spectrum, RED, beyond=beyond(data, spectrum, NOISE))
+    off = (np.abs(found.amplitude) - 7.945e-7 / np.hypot(1, 2 * detuning)) / found.amplitude_sd
+    assert 0.3 < np.mean(off**2) < 2.5
+    assert found.amplitude_sd.max() < 1e-10
+    assert 0.7 < found.fit.chi2_reduced < 1.4
+
+
+def test_a_steep_fringe_between_the_phases_of_samples_is_no_glitch() -> None:
+    data = traces(list(np.linspace(-2, 2, 20)), 10.0157, 1585, 7.945e-7)
+    data["voltage"][10, 700] += 8 * NOISE
+    _, left_out = without_glitches(data, most_harmonics(data))
+    assert len(left_out) < 4
+    assert left_out[0][0] == f"step 11, t = {float(data['time'][700]):.6g} s"
 
 
 def test_two_harmonics_are_not_taken_for_a_motion_whose_others_would_be_left() -> None:
@@ -142,7 +163,11 @@ def test_one_step_of_two_harmonics_is_told_by_what_is_left(
     measurement.write(measurement.bundle({"traces": data}, geometry="square-270um"), path)
     assert diagnose(path, workers=1).verdict == "adequate"
     assert run(["fit", str(path)]) == 0
-    assert "largest amplitude 300" in capsys.readouterr().out
+    told = re.search(r"largest amplitude (\S+) ± (\S+) nm", capsys.readouterr().out)
+    assert told
+    value, sd = map(float, told.groups())
+    assert sd < 2
+    assert value == pytest.approx(300, abs=3 * sd)
 
 
 def test_phases_of_a_recorded_drive_fold_as_its_motion_does() -> None:

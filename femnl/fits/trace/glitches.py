@@ -8,11 +8,14 @@ from femnl.core.errors import MeasurementError
 from femnl.core.readout import HarmonicSpectrum
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.fits.trace.colour import beside_phase
-from femnl.fits.trace.decompose import design
+from femnl.fits.trace.decompose import SAMPLES_EACH, design
+from femnl.fits.trace.folding import AT_ONCE, SMOOTH
 from femnl.io.measurement import estimate_noise
 
 ROUNDS = 4
 """Times that a record is decomposed without the glitches found so far."""
+ALIKE = 1e-3
+"""Singular value, over the largest, of harmonics that a record does not tell apart."""
 CLEAR = 0.1
 """Relative difference of the noise that the spectra show and the stated one that is told."""
 
@@ -34,15 +37,16 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
         return traces, ()
     time = traces["time"].values.astype(float)
     voltage = traces["voltage"].values.astype(float).copy()
+    highest = _periodic(int(np.isfinite(voltage).sum(axis=1).min()), n_harmonics)
     told = []
     for step, frequency in enumerate(traces["drive_frequency"].values.astype(float)):
         row = voltage[step]
-        columns = design(time, float(frequency), n_harmonics)
+        columns = design(time, float(frequency), highest)
         order = np.argsort(float(frequency) * time % 1.0, kind="stable")
         used = np.isfinite(row)
         kept = used.copy()
         for _ in range(ROUNDS):
-            solved, *_ = np.linalg.lstsq(columns[kept], row[kept], rcond=None)
+            solved, *_ = np.linalg.lstsq(columns[kept], row[kept], rcond=ALIKE)
             left = np.where(
                 used, beside_phase(row - columns @ solved, order[used[order]], np.median), 0.0
             )
@@ -61,6 +65,17 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
         return traces, ()
     cleared = traces.assign(voltage=(traces["voltage"].dims, voltage))
     return cleared, tuple(sorted(told, key=lambda one: -one[1]))
+
+
+def _periodic(n_samples: int, n_harmonics: int) -> int:
+    """Return the harmonics that are no glitches: those that are measured, and what folds on them.
+
+    The phases of a short record are too far apart to follow a steep fringe between them. In a long
+    one they are dense, and all columns at once would fill the memory.
+    """
+    if n_samples > AT_ONCE:
+        return n_harmonics
+    return max(n_harmonics, min(SMOOTH, (n_samples // SAMPLES_EACH - 1) // 2))
 
 
 def found_factor(

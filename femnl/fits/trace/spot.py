@@ -6,6 +6,7 @@ from operator import itemgetter
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import distributions
 
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, MotionFit, Parameter
@@ -24,9 +25,11 @@ N_ORDERS = 8
 FRINGE = ("contrast", "fringe_phase")
 """Parameters that all steps share."""
 FEW = 12
+"""Harmonics up to which a motion is sought with the folded ones; more tell motions apart."""
+CHANCE = 0.01
 MISFIT = 0.5
-"""Harmonics up to which, and χ² of a step for each datum from which on, its motion is sought with
-the folded ones, which count as noise in χ². More harmonics tell motions apart themselves.
+"""A motion is sought so where chance makes a larger χ² of its step more rarely. Where no noise is
+known, what is folded counts as noise, and χ² is larger than this for each datum.
 """
 
 
@@ -82,8 +85,10 @@ def fit_spot(
     optima = sorted((problem.refine(start, 10) for start in problem.starts()), key=itemgetter(1))
     if not optima:
         raise MeasurementError("traces: no harmonic has any voltage; nothing moves, or no light")
-    best = min((problem.settle(vector) for vector, _ in optima[:2]), key=itemgetter(1))[0]
-    return problem.report(problem.canonical(best))
+    sharp = replace(problem, model=model.of_known_noise())
+    ends = [end for vector, _ in optima[:2] for end in problem.ends(vector, sharp.model)]
+    best = min((sharp.refine(end, 100) for end in ends), key=itemgetter(1))[0]
+    return sharp.report(sharp.canonical(best))
 
 
 def _held(fixed: Mapping[str, float]) -> Array:
@@ -130,8 +135,11 @@ class _Search:
         )
         return held.whole(found.x), float(2 * found.cost)
 
-    def settle(self, vector: Array) -> tuple[Array, float]:
-        """Return the minimum reached by searching every step's motion and refining all in turn."""
+    def ends(self, vector: Array, sharp: SpotModel) -> list[Array]:
+        """Return where searching every step's motion and refining all in turn leads.
+
+        Where harmonics are few, the motions that the folded ones ask for come second.
+        """
         best = self.refine(vector, 100)
         for _ in range(5):
             fringe = self.model.split(best[0])[0]
@@ -139,23 +147,28 @@ class _Search:
             if again[1] >= best[1] * (1 - 1e-9):
                 break
             best = again
-        if self.model.beyond is None or self.model.harmonic.size > FEW:
-            return best
-        moved = self._folded(best[0], self.model.beyond)
-        return min(best, self.refine(moved, 100), key=itemgetter(1))
+        beyond = self.model.beyond
+        if beyond is None or self.model.harmonic.size > FEW:
+            return [best[0]]
+        return [best[0], self._folded(best[0], beyond, sharp)]
 
-    def _folded(self, vector: Array, beyond: Beyond) -> Array:
+    def _folded(self, vector: Array, beyond: Beyond, sharp: SpotModel) -> Array:
         """Return the parameters with motion that the folded harmonics ask for, where it misfits."""
         model = self.model
         fringe, amplitude, phase = model.split(np.array(vector))
-        chi2 = model.chi2_by_step(vector)
+        before = sharp.chi2_by_step(vector)
+        n_data = 2 * model.harmonic.size
+        large = distributions.chi2.isf(CHANCE, n_data) if beyond.noise else MISFIT * n_data
         deep = self._amplitudes[model.wavenumber * self._amplitudes > model.harmonic.size / 2]
-        for i in np.flatnonzero(chi2 > MISFIT * 2 * model.harmonic.size):
+        for i in np.flatnonzero(before > large):
+            # What is folded counts as noise here, or the grid would miss narrow valleys
             data = (model.harmonic, model.values[:, i], model.sd[:, i])
-            found, *motion = OneStep(model.series, fringe, data, beyond, int(i)).best(deep)
-            if found < chi2[i]:
-                amplitude[i], phase[i] = motion
-        return np.concatenate([vector[:2], amplitude, phase])
+            step = OneStep(model.series, fringe, data, beyond, int(i))
+            _, amplitude[i], phase[i] = step.best(deep)
+        moved = np.concatenate([vector[:2], amplitude, phase])
+        worse = sharp.chi2_by_step(moved) >= before
+        kept = np.concatenate([[False, False], worse, worse])
+        return np.where(kept, vector, moved)
 
     def starts(self) -> list[Array]:
         """Return starting points: the best few of a grid over θ and V_C.

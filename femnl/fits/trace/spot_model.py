@@ -1,7 +1,7 @@
 """The harmonics of traces at one spot, as a fringe and the motion at each step make them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,16 @@ class SpotModel:
     values: ComplexArray
     sd: Array
     beyond: Beyond | None
+
+    def of_known_noise(self) -> "SpotModel":
+        """Return the model in which what is folded is no noise, where the noise is known.
+
+        In a search it has to be, which compares the measured harmonics with what they would be
+        alone.
+        """
+        if self.beyond is None or not self.beyond.noise:
+            return self
+        return replace(self, sd=self.sd * self.beyond.noise / self.beyond.seen)
 
     @property
     def wavenumber(self) -> float:
