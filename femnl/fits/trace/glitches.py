@@ -8,14 +8,16 @@ from femnl.core.errors import MeasurementError
 from femnl.core.readout import HarmonicSpectrum
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.fits.trace.colour import beside_phase
-from femnl.fits.trace.decompose import SAMPLES_EACH, design
-from femnl.fits.trace.folding import AT_ONCE, SMOOTH
+from femnl.fits.trace.decompose import MOST_HARMONICS, SAMPLES_EACH, design
+from femnl.fits.trace.folding import SMOOTH
 from femnl.io.measurement import estimate_noise
 
 ROUNDS = 4
 """Times that a record is decomposed without the glitches found so far."""
 ALIKE = 1e-3
 """Singular value, over the largest, of harmonics that a record does not tell apart."""
+DENSE = 8192
+"""Samples from which on neighbours in phase follow the steepest fringe that is sought."""
 CLEAR = 0.1
 """Relative difference of the noise that the spectra show and the stated one that is told."""
 
@@ -37,7 +39,7 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
         return traces, ()
     time = traces["time"].values.astype(float)
     voltage = traces["voltage"].values.astype(float).copy()
-    highest = _periodic(int(np.isfinite(voltage).sum(axis=1).min()), n_harmonics)
+    highest = _fitted(int(np.isfinite(voltage).sum(axis=1).min()), n_harmonics)
     told = []
     for step, frequency in enumerate(traces["drive_frequency"].values.astype(float)):
         row = voltage[step]
@@ -67,13 +69,14 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
     return cleared, tuple(sorted(told, key=lambda one: -one[1]))
 
 
-def _periodic(n_samples: int, n_harmonics: int) -> int:
-    """Return the harmonics that are no glitches: those that are measured, and what folds on them.
+def _fitted(n_samples: int, n_harmonics: int) -> int:
+    """Return how many harmonics are fitted to a record before its glitches are sought.
 
-    The phases of a short record are too far apart to follow a steep fringe between them. In a long
-    one they are dense, and all columns at once would fill the memory.
+    Where the sampling rate leaves few, those beyond fold onto them. The phases of a short record
+    are too far apart to follow a steep fringe between them, so that they would stand out. Of a
+    dense one they take long and are no need.
     """
-    if n_samples > AT_ONCE:
+    if n_harmonics == MOST_HARMONICS or n_samples > DENSE:
         return n_harmonics
     return max(n_harmonics, min(SMOOTH, (n_samples // SAMPLES_EACH - 1) // 2))
 

@@ -138,7 +138,7 @@ class _Search:
     def ends(self, vector: Array, sharp: SpotModel) -> list[Array]:
         """Return where searching every step's motion and refining all in turn leads.
 
-        Where harmonics are few, the motions that the folded ones ask for come second.
+        Where harmonics are few, a second end has the motions that the folded ones ask for.
         """
         best = self.refine(vector, 100)
         for _ in range(5):
@@ -158,7 +158,7 @@ class _Search:
         fringe, amplitude, phase = model.split(np.array(vector))
         before = sharp.chi2_by_step(vector)
         n_data = 2 * model.harmonic.size
-        large = distributions.chi2.isf(CHANCE, n_data) if beyond.noise else MISFIT * n_data
+        large = distributions.chi2.isf(CHANCE, n_data + 1) if beyond.noise else MISFIT * n_data
         deep = self._amplitudes[model.wavenumber * self._amplitudes > model.harmonic.size / 2]
         for i in np.flatnonzero(before > large):
             # What is folded counts as noise here, or the grid would miss narrow valleys
