@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from femnl.core.readout import HarmonicSpectrum, PeriodicFringe
     from femnl.fits.record.terms import TermsFit
+    from femnl.fits.trace.glitches import LeftOut
 
 _WORDS = {
     "offset": "offset u₀",
@@ -33,11 +34,15 @@ def harmonics(
 
     from femnl.fits.trace.decompose import decompose, most_harmonics
     from femnl.fits.trace.folding import beyond, degrees_left
-    from femnl.fits.trace.glitches import found_factor
+    from femnl.fits.trace.glitches import found_factor, without_glitches
     from femnl.fits.trace.spot import fit_spot
     from femnl.plot.harmonics import harmonics_figure
 
-    spectrum = decompose(dataset, most_harmonics(dataset) if count is None else count)
+    count = most_harmonics(dataset) if count is None else count
+    spectrum = decompose(dataset, count)
+    dataset, left_out = without_glitches(dataset, count)
+    if left_out:
+        spectrum = decompose(dataset, count)
     values = {
         "real": spectrum.values.real,
         "imag": spectrum.values.imag,
@@ -54,7 +59,7 @@ def harmonics(
         return {
             name: Outcome(
                 found,
-                _harmonics_shown(name, spectrum),
+                _harmonics_shown(name, spectrum, left_out),
                 {"harmonics": partial(harmonics_figure, spectrum)},
             )
         }
@@ -74,7 +79,7 @@ def harmonics(
     return {
         name: Outcome(
             found,
-            _harmonics_shown(name, spectrum),
+            _harmonics_shown(name, spectrum, left_out),
             {"harmonics": partial(harmonics_figure, spectrum, motion)},
         ),
         f"{name}, motion": Outcome(
@@ -83,7 +88,7 @@ def harmonics(
     }
 
 
-def _harmonics_shown(name: str, spectrum: HarmonicSpectrum) -> list[Group | str]:
+def _harmonics_shown(name: str, spectrum: HarmonicSpectrum, left_out: LeftOut) -> list[Group | str]:
     import numpy as np
 
     strongest = int(np.argmax(np.abs(spectrum.values[1:]).max(axis=0)))
@@ -101,6 +106,11 @@ def _harmonics_shown(name: str, spectrum: HarmonicSpectrum) -> list[Group | str]
         f"{spectrum.drive_frequency[strongest]:.9g} Hz"
     )
     shown: list[Group | str] = [table(title, ["harmonic", "|V| (mV)", "phase (°)", "± (mV)"], rows)]
+    if left_out:
+        where, sigma = left_out[0]
+        shown.append(
+            f"  left out as glitches: {len(left_out)}, the largest of {sigma:.3g}σ at {where}"
+        )
     if spectrum.correlation_length != 1:
         shown.append(
             "  the noise is not white: ± is that of each harmonic's frequency, and "

@@ -180,3 +180,32 @@ def test_phases_of_a_recorded_drive_fold_as_its_motion_does() -> None:
     np.testing.assert_allclose(found.amplitude, motion(data).amplitude, rtol=1e-4)
     off = found.phase - motion(data).phase + late
     assert np.all(np.abs((off + np.pi) % (2 * np.pi) - np.pi) < 1e-3)
+
+
+@pytest.mark.parametrize("per_period", [10.0157, 60.0])
+def test_glitches_of_a_record_are_left_out_of_its_fit(
+    per_period: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "traces.nc"
+    data = traces([-1, -0.3, 0.1, 0.5, 1], per_period, 1585, 3e-7)
+    data["voltage"][2, [200, 431, 777, 1301]] += 300 * NOISE
+    measurement.write(measurement.bundle({"traces": data}, geometry="square-270um"), path)
+    assert run(["fit", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "left out as glitches: 4, the largest of" in said
+    assert "largest amplitude 294.1" in said
+
+
+def test_a_tone_in_one_record_is_not_taken_for_the_harmonics_of_a_deep_motion() -> None:
+    data = traces([-1, -0.3, 0.1, 0.5, 1], 60.0, 1585, 3e-7)
+    data["voltage"][2] += 20 * NOISE * np.cos(2 * np.pi * 0.37 * F * data["time"].values)
+    spectrum = decompose(data, most_harmonics(data))
+    found = fit_spot(spectrum, RED, beyond=beyond(data, spectrum, NOISE))
+    true = 3e-7 / np.hypot(1, 2 * np.array([-1, -0.3, 0.1, 0.5, 1]))
+    assert np.all(np.abs(np.abs(found.amplitude) - true) < 4 * found.amplitude_sd)
+    assert "it counts as noise" in found.fit.notes[-1]
+    clean = traces([-1, -0.3, 0.1, 0.5, 1], 60.0, 1585, 3e-7)
+    spectrum = decompose(clean, most_harmonics(clean))
+    assert "counts as" not in str(
+        fit_spot(spectrum, RED, beyond=beyond(clean, spectrum, NOISE)).fit.notes
+    )
