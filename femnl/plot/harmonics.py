@@ -4,9 +4,10 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from femnl.core.fit import MotionFit
-from femnl.core.readout import HarmonicSpectrum
+from femnl.core.readout import Array, HarmonicSpectrum
 from femnl.plot.spectrum import harmonic_spectrum_figure
 from femnl.plot.style import (
     COLOURS,
@@ -29,15 +30,13 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
 
     Args: spectrum: from `femnl.fits.trace.decompose.decompose`; motion: from
     `femnl.fits.trace.spot.fit_spot`.
-    Returns: the Figure; for a single step the spectrum of its harmonics, with the noise floor.
+    Returns: the Figure, against the number of the step where steps share a frequency; for a single
+    step the spectrum of its harmonics, with the noise floor.
     """
     size = np.abs(spectrum.values[1:])
     if spectrum.drive_frequency.size == 1:
         return _one_step(spectrum, motion)
-    order = np.argsort(spectrum.drive_frequency, kind="stable")
-    centre = float(np.median(spectrum.drive_frequency))
-    f = spectrum.drive_frequency[order] - centre
-    divisor, unit = prefixed(f, "Hz")
+    order, drive, drive_label = _drive(spectrum.drive_frequency)
     scale, volt = prefixed(size, "V")
     floor = float(np.median(spectrum.values_sd[1:])) / scale
     with style():
@@ -45,7 +44,7 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
         figure = new_figure(height=1.0 + 1.9 * count)
         panels = figure.subplots(count, 1, sharex=True, height_ratios=[1.4, *[1.0] * (count - 1)])
         image = panels[0].pcolormesh(
-            f / divisor,
+            drive,
             spectrum.harmonic[1:],
             np.maximum(size[:, order] / scale, floor),
             norm=LogNorm(floor, float(size.max()) / scale),
@@ -60,7 +59,7 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
         panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
         for colour, n in zip(COLOURS, range(min(_FIRST, size.shape[0])), strict=False):
             panels[1].semilogy(
-                f / divisor,
+                drive,
                 size[n, order] / scale,
                 color=colour,
                 label=f"{spectrum.harmonic[n + 1]}f",
@@ -71,7 +70,7 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
         if motion is not None:
             metre, name = prefixed(motion.amplitude, "m")
             panels[2].errorbar(
-                f / divisor,
+                drive,
                 motion.amplitude[order] / metre,
                 motion.amplitude_sd[order] / metre,
                 fmt="o",
@@ -79,10 +78,25 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
             )
             panels[2].set_ylabel(axis_label("amplitude U", name))
             panels[2].set_ylim(bottom=0)
-        hertz, name = prefixed(centre, "Hz")
-        panels[-1].set_xlabel(axis_label(f"drive frequency − {centre / hertz:.9g} {name}", unit))
+        panels[-1].set_xlabel(drive_label)
         panel_letters(list(panels))
     return figure
+
+
+def _drive(frequency: Array) -> tuple[NDArray[np.intp], Array, str]:
+    """Return the order of the steps (n_steps,), where they are drawn, and what that is.
+
+    Steps that share a frequency, as of a drive that is raised, are drawn by their number.
+    """
+    order = np.argsort(frequency, kind="stable")
+    if len(np.unique(frequency)) < len(frequency):
+        number = np.arange(len(frequency))
+        return number, number + 1.0, "step of the drive"
+    centre = float(np.median(frequency))
+    hertz, name = prefixed(centre, "Hz")
+    divisor, unit = prefixed(frequency - centre, "Hz")
+    label = axis_label(f"drive frequency − {centre / hertz:.9g} {name}", unit)
+    return order, np.asarray((frequency[order] - centre) / divisor, float), label
 
 
 def _one_step(spectrum: HarmonicSpectrum, motion: MotionFit | None) -> Figure:

@@ -20,6 +20,7 @@ from femnl.io import measurement
 from femnl.optics.fringe import SineFringe
 from femnl.optics.harmonics import trace
 from femnl.optics.unit_fringe import cosine
+from femnl.plot.harmonics import harmonics_figure
 
 RED = 632.8e-9
 F = 7.118e5
@@ -209,3 +210,13 @@ def test_a_tone_in_one_record_is_not_taken_for_the_harmonics_of_a_deep_motion() 
     assert "counts as" not in str(
         fit_spot(spectrum, RED, beyond=beyond(clean, spectrum, NOISE)).fit.notes
     )
+
+
+def test_steps_that_share_a_frequency_are_drawn_by_their_number() -> None:
+    data = traces([-1, 0.1, 1], 10.0157, 1585, 3e-7)
+    figure = harmonics_figure(decompose(data, most_harmonics(data)), motion(data))
+    amplitudes = figure.axes[2]
+    assert amplitudes.get_xlabel() == "step of the drive"
+    drawn = np.asarray(amplitudes.containers[0][0].get_xydata())
+    np.testing.assert_allclose(drawn[:, 0], [1, 2, 3])
+    np.testing.assert_allclose(drawn[:, 1], 300 / np.hypot(1, [2, 0.2, 2]), rtol=1e-2)
