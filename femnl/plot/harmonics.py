@@ -91,12 +91,12 @@ def _drive(frequency: Array) -> tuple[NDArray[np.intp], Array, str]:
     order = np.argsort(frequency, kind="stable")
     if len(np.unique(frequency)) < len(frequency):
         number = np.arange(len(frequency))
-        return number, number + 1.0, "step of the drive"
+        return number, np.asarray(number + 1, float), "step of the drive"
     centre = float(np.median(frequency))
     hertz, name = prefixed(centre, "Hz")
     divisor, unit = prefixed(frequency - centre, "Hz")
     label = axis_label(f"drive frequency − {centre / hertz:.9g} {name}", unit)
-    return order, np.asarray((frequency[order] - centre) / divisor, float), label
+    return order, np.asarray((frequency[order] - centre) / divisor), label
 
 
 def _one_step(spectrum: HarmonicSpectrum, motion: MotionFit | None) -> Figure:
