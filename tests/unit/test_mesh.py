@@ -147,6 +147,25 @@ def test_the_error_of_a_circles_area_falls_as_the_fourth_power_of_the_edge_lengt
     assert abs(errors[1]) < 1e-6
 
 
+@pytest.mark.parametrize(("symmetry", "count"), [("full", 9), ("quarter", 4)])
+def test_edges_at_round_holes_are_arcs_of_them_and_all_others_are_straight(
+    devices: dict[str, Model], symmetry: str, count: int
+) -> None:
+    model = devices["perforated square"]
+    grid = mesh(model, symmetry, 0.5).mesh
+    ends = np.moveaxis(grid.p[:, grid.facets], 0, -1)
+    middles = grid.doflocs[:, grid.nvertices :].T
+    free = grid.boundaries["free"]
+    away = np.linalg.norm(middles[free][:, None] - model.holes.centres, axis=2)
+    hole = away.argmin(axis=1)
+    assert len(set(hole)) == count
+    assert away.min(axis=1) == pytest.approx(0.5e-6, rel=1e-9)
+    halves = np.linalg.norm(ends[:, free] - middles[free], axis=2)
+    assert halves[0] == pytest.approx(halves[1], rel=1e-6)
+    straight = np.setdiff1d(np.arange(len(middles)), free)
+    np.testing.assert_allclose(middles[straight], ends[:, straight].mean(axis=0), atol=1e-17)
+
+
 @pytest.mark.parametrize(
     ("name", "wedge"),
     [
@@ -345,7 +364,8 @@ def test_triangles_at_a_clamped_edge_are_as_small_as_the_bending_layer_all_along
     assert lengths.min() > 0.8 * layer * 1e-6
 
 
-def test_each_arc_is_divided_by_its_own_radius(device: Device) -> None:
+@pytest.mark.parametrize(("symmetry", "copies"), [("half", 2), ("full", 1)])
+def test_each_arc_is_divided_by_its_own_radius(device: Device, symmetry: str, copies: int) -> None:
     # A stadium of one large and one small half circle, joined by its common tangents.
     slope = np.arcsin(0.9 / 4)
     normal = np.array([np.sin(slope), np.cos(slope)])
@@ -363,7 +383,7 @@ def test_each_arc_is_divided_by_its_own_radius(device: Device) -> None:
         Segment(tuple(a), tuple(b), None if c is None else tuple(c)) for a, b, c in corners
     )
     domain = mesh(
-        replace(device(SQUARE), outline=Outline("stadium", segments, None, 5.1)), "half", 1
+        replace(device(SQUARE), outline=Outline("stadium", segments, None, 5.1)), symmetry, 1
     )
     grid = domain.mesh
     facets = Space(grid, 1).boundary_facets("clamped")
@@ -372,8 +392,8 @@ def test_each_arc_is_divided_by_its_own_radius(device: Device) -> None:
         np.abs(np.linalg.norm(middle - c, axis=1) - r) < 1e-6
         for c, r in ((large, 1.0), (small, 0.1))
     ]
-    assert 30 < 2 * round_ends[0].sum() < 60
-    assert 20 < 2 * round_ends[1].sum() < 60
+    assert 30 < copies * round_ends[0].sum() < 60
+    assert 20 < copies * round_ends[1].sum() < 60
 
 
 @pytest.mark.parametrize("gap", [0.02, 0.1])

@@ -23,7 +23,11 @@ FITTED = 1.1
 chance leads astray."""
 MOVED = 50.0
 """Steps of the grid by which a radius may move for a round number: a short arc hardly fixes it."""
-CENTRING = 4
+MOVED_ALL_AROUND = 3 * FITTED
+"""The same where corners lie all around: none is nearer than FITTED to two circles whose radii
+differ by more than twice that."""
+CENTRING = 4  # steps at most, of Gauss and Newton
+CENTRED = 1e-9  # of the radius, the last step
 STEPS = (1000.0, 500.0, 100.0, 50.0, 10.0, 5.0, 1.0, 0.5, 0.1)
 """Steps of the grid in which a radius is tried, the roundest number first."""
 SHARPEST = np.radians(150.0)
@@ -76,7 +80,7 @@ def _whole_curve(points: Array, tolerance: float, grid: float) -> tuple[Loop, Co
     chords = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
     if not (np.all(turns > 0) or np.all(turns < 0)):
         return None
-    circle = _rounded(_fit(points), points, grid)
+    circle = _rounded(_fit(points), points, grid, MOVED_ALL_AROUND)
     if circle is not None and chords.max() <= WIDEST * circle.radius + 2 * tolerance:
         centre = (float(circle.centre[0]), float(circle.centre[1]))
         return ellipse(centre, (circle.radius, circle.radius)), Counter(circles=1)
@@ -162,13 +166,18 @@ def _fit(points: Array) -> Circle | None:
     return Circle(middle + scale * solution[:2], float(scale * np.sqrt(square)))
 
 
-def _rounded(circle: Circle | None, points: Array, grid: float) -> Circle | None:
-    """The circle with the roundest radius and centre that all points lie on, if there is one."""
+def _rounded(
+    circle: Circle | None, points: Array, grid: float, moved: float = MOVED
+) -> Circle | None:
+    """The circle with the roundest radius and centre that all points lie on, if there is one.
+
+    moved: steps of the grid by which its radius may move.
+    """
     if circle is None or circle.off(points) > FITTED * grid:
         return None
     radii = [float(np.round(circle.radius / (step * grid)) * (step * grid)) for step in STEPS]
     for radius in dict.fromkeys(radii):
-        if abs(radius - circle.radius) > MOVED * grid or radius == 0:
+        if abs(radius - circle.radius) > moved * grid or radius == 0:
             continue
         tried = _centred(Circle(circle.centre, radius), points)
         for places in (1.0, 0.5):
@@ -188,6 +197,8 @@ def _centred(circle: Circle, points: Array) -> Circle:
         size = np.hypot(*spokes.T)
         step = np.linalg.lstsq(-spokes / size[:, None], circle.radius - size, rcond=None)[0]
         centre = centre + step
+        if np.hypot(*step) <= CENTRED * circle.radius:
+            break
     return Circle(centre, circle.radius)
 
 

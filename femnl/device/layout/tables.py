@@ -63,8 +63,6 @@ def hole_groups(placed: Sequence[Placed], origin: Array, grid: float) -> list[Ke
 
 def _hole_keys(one: Placed) -> tuple[Keys, Array]:
     """The keys of a hole's shape, and its middle (2,) from the point about which it is drawn."""
-    x0, y0, x1, y1 = curves.box(outline_of(one.loop))
-    middle = np.array([x0 + x1, y0 + y1]) / 2
     circle = circle_of(one.loop)
     first = one.loop[0]
     keys: Keys
@@ -77,6 +75,8 @@ def _hole_keys(one: Placed) -> tuple[Keys, Array]:
         if abs(first.angle) > 1e-9:
             keys["angle"] = written_angle(first.angle)
     else:
+        x0, y0, x1, y1 = curves.box(outline_of(one.loop))
+        middle = np.array([x0 + x1, y0 + y1]) / 2
         about = Placed(one.loop, -middle).there
         keys = {"shape": _box_keys(about) or polygon_keys(about)}
     if one.clamped:

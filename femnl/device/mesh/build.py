@@ -20,6 +20,7 @@ from femnl.core.domain import Domain
 from femnl.core.errors import GeometryError
 from femnl.core.memory import need_memory
 from femnl.device.geometry import curves as exact
+from femnl.device.geometry.openings import polygon
 from femnl.device.geometry.placing import moved
 from femnl.device.mesh.classify import classify
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
@@ -80,6 +81,8 @@ def mesh(
             f"{model.name}: no edge of the outline is clamped, so that nothing holds the film; "
             "clamp at least one"
         )
+    if not polygon(model.edge_outline).is_valid:  # on a line that crosses itself gmsh never ends
+        raise _no_film(model)
     PROGRESS.info("%s: meshing", model.name)
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
@@ -181,7 +184,6 @@ def _build(model: Model, wedge: float, fineness: Fineness, copies: int, alone: b
         PROGRESS.info("%s: about %.3g triangles", model.name, triangles)
         _need_memory(model, triangles, fineness.degree, alone)
         gmsh.model.mesh.generate(2)
-        gmsh.model.mesh.setOrder(2)
     except Exception as error:
         if type(error) is not Exception:  # gmsh knows no other class for its failures
             raise
@@ -193,8 +195,13 @@ def _build(model: Model, wedge: float, fineness: Fineness, copies: int, alone: b
     free = curves.free + curves.holes + curves.openings
     raw = collect({"clamped": curves.clamped, "free": free, **mirrors}, unit)
     if len(raw.triangles) == 0:
-        raise GeometryError(
-            f"{model.name}: the outline encloses no film; give its edges in order, "
-            "counter-clockwise and without crossings"
-        )
+        raise _no_film(model)
     return raw
+
+
+def _no_film(model: Model) -> GeometryError:
+    """Return the refusal of an outline around nothing."""
+    return GeometryError(
+        f"{model.name}: the outline encloses no film; give its edges in order, counter-clockwise "
+        "and without crossings"
+    )

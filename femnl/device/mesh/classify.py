@@ -29,7 +29,9 @@ def classify(model: Model, rims: dict[int, int | None], wedge: float, unit: floa
             curves.add_to_rim(tag, index, model)
     outline = model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
-    boxes = np.array([exact.box(o) for o in model.openings]).reshape(-1, 4) * unit
+    known = {index for index in rims.values() if index is not None}
+    sought = [k for k in range(len(model.openings)) if k not in known]
+    boxes = np.array([exact.box(model.openings[k]) for k in sought]).reshape(-1, 4) * unit
     sides = np.array([_box(outline, s) for s in outline.segments])
     for _, tag in gmsh.model.getEntities(1):
         if tag in rims:
@@ -48,7 +50,7 @@ def classify(model: Model, rims: dict[int, int | None], wedge: float, unit: floa
             np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE
         ):
             curves.holes.append(tag)
-        elif (found := _opening(model, boxes, where, unit)) is not None:
+        elif (found := _opening(model, sought, boxes, where, unit)) is not None:
             curves.add_to_rim(tag, found, model)
         else:
             number = _segment(outline, sides, where / unit)
@@ -79,16 +81,19 @@ def _segment(outline: Outline, boxes: Array, where: Array) -> int:
     return int(tried[np.argmin(distances)])
 
 
-def _opening(model: Model, boxes: Array, where: Array, unit: float) -> int | None:
+def _opening(
+    model: Model, sought: list[int], boxes: Array, where: Array, unit: float
+) -> int | None:
     """Return the opening on whose rim points (n, 2) of a curve lie, in scaled units, or None.
 
-    boxes (m, 4): around the openings, outside of which there is no need to look.
+    boxes (m, 4): around the openings (m) that are looked at, outside of which none is looked for.
     """
     within = np.all(
         (boxes[:, None, :2] - TOLERANCE <= where) & (where <= boxes[:, None, 2:] + TOLERANCE),
         axis=(1, 2),
     )
     for k in np.flatnonzero(within):
-        if exact.distance(model.openings[k], where / unit).max() * unit < TOLERANCE:
-            return int(k)
+        opening = sought[k]
+        if exact.distance(model.openings[opening], where / unit).max() * unit < TOLERANCE:
+            return opening
     return None

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.device import Model
+from femnl.device.mesh.openings import ROUND
 
 Array = NDArray[np.float64]
 
@@ -52,6 +53,8 @@ def singular_corners(
     least = LEAST * model.outline.length
     corners = [(model.edge_outline.segments[k], angle) for k, angle in model.edge_outline.corners]
     for rim in model.openings:
+        if rim.kind in ROUND:
+            continue
         corners += [(rim.segments[k], 2 * np.pi - angle) for k, angle in rim.corners]
     for segment, angle in corners:
         if angle > np.pi / 2 + 1e-6 and abs(angle - np.pi) > KINK:

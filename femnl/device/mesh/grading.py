@@ -1,6 +1,7 @@
 """Sizes of elements: small at clamped edges, corners, arcs, holes and webs, growing from there."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -11,9 +12,10 @@ from femnl.core.device import Model
 from femnl.core.outline import CELL
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.corners import singular_corners
+from femnl.device.mesh.kernel import kernel_of, length
 from femnl.device.mesh.openings import AN_ELEMENT, arcs_by_radius, rim_sizes
 from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS
-from femnl.device.mesh.symmetry import beyond_mirrors
+from femnl.device.mesh.symmetry import FULL, beyond_mirrors
 from femnl.device.mesh.waves import elements_a_wave
 from femnl.device.mesh.webs import narrow_webs
 
@@ -83,8 +85,9 @@ def grade(model: Model, curves: Curves, wedge: float, unit: float, fineness: Fin
     """
     far = SCALE / ELEMENTS_PER_LENGTH / fineness.resolution
     following = fineness.wave * unit / elements_a_wave(fineness.resolution)
-    sizes = _Sizes(fineness.resolution, min(far, following), [], [])
-    area = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2))
+    kernel = kernel_of(model, wedge)
+    sizes = _Sizes(fineness.resolution, min(far, following), kernel, [], [])
+    area = _area(model) * unit**2 * wedge / FULL
     sizes.inverse_square.append(area / sizes.largest**2)
     _grade_rims(sizes, model, curves, wedge, unit)
     if model.pierced:
@@ -95,12 +98,20 @@ def grade(model: Model, curves: Curves, wedge: float, unit: float, fineness: Fin
     return sizes.set()
 
 
+def _area(model: Model) -> float:
+    """Return the area of the film [m²]."""
+    open_area = sum(exact.area(opening) for opening in model.openings)
+    holes = len(model.holes.centres) * np.pi * model.holes.radius**2
+    return float(exact.area(model.edge_outline) - open_area - holes)
+
+
 @dataclass(frozen=True)
 class _Sizes:
     """gmsh's fields of sizes as they are collected, and what each adds to ∫ dA / h²."""
 
     resolution: float
     largest: float
+    kernel: Any
     fields: list[int]
     inverse_square: list[float]
 
@@ -135,7 +146,7 @@ class _Sizes:
         """
         field = gmsh.model.mesh.field
         distance = field.add("Distance")
-        lengths = [gmsh.model.occ.getMass(1, t) for t in tags]
+        lengths = [length(t) for t in tags]
         along = sum(lengths) / size + len(points or []) / AN_ELEMENT
         self.inverse_square.append(fan * along * self.grading / growth)
         field.setNumbers(distance, "CurvesList", tags)
@@ -151,9 +162,13 @@ class _Sizes:
         gmsh.model.mesh.field.setNumbers(distance, "PointsList", tags)
         self.grow(size, distance, growth)
 
+    def points(self, places: Array) -> list[int]:
+        """Return gmsh's tags of points (n, 2) that bound nothing, from which sizes grow."""
+        return [self.kernel.addPoint(x, y, 0) for x, y in places]
+
     def set(self) -> float:
         """Hand the smallest of all sizes to gmsh; return about how many triangles it makes."""
-        gmsh.model.occ.synchronize()  # once, as it takes seconds with thousands of openings
+        self.kernel.synchronize()  # once, as it takes seconds with thousands of openings
         gmsh.option.setNumber("Mesh.MeshSizeMax", self.largest)
         if self.fields:
             field = gmsh.model.mesh.field
@@ -171,7 +186,7 @@ def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, wedge: float, unit:
     for sized in rim_sizes(model, curves.rims, free, unit, SCALE / ELEMENTS_PER_LENGTH):
         size = sized.size / sizes.grading
         within = sized.places[beyond_mirrors(sized.places, wedge) < size / unit]
-        points = _points(within * unit)
+        points = sizes.points(within * unit)
         sizes.grow_from_curves(size, sized.curves, HOLE_GROWTH, AROUND_OPENINGS, points)
 
 
@@ -186,14 +201,9 @@ def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
         within = places[beyond_mirrors(places, wedge) < size]
         if len(within):
             grown = size * unit / sizes.grading
-            sizes.grow_from_points(grown, _points(within * unit), HOLE_GROWTH)
+            sizes.grow_from_points(grown, sizes.points(within * unit), HOLE_GROWTH)
             # Each place stands for a square of its size
             sizes.inverse_square.append(len(within) * sizes.grading**2)
-
-
-def _points(places: Array) -> list[int]:
-    """Return gmsh's tags of points (n, 2) that bound nothing, from which sizes grow."""
-    return [gmsh.model.occ.addPoint(x, y, 0) for x, y in places]
 
 
 def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:
@@ -220,11 +230,14 @@ def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> No
 
 
 def _grade_corners(sizes: _Sizes, model: Model, unit: float, degree: int) -> None:
+    layer = bending_length(model)
+    corners = list(singular_corners(model, sizes.resolution, layer, degree))
+    if not corners:
+        return
     tags = [tag for _, tag in gmsh.model.getEntities(0)]
     ends = cKDTree([gmsh.model.getValue(0, tag, [])[:2] for tag in tags])
-    layer = bending_length(model)
     alike: dict[int, list[tuple[float, int]]] = {}
-    for corner, angle, size in singular_corners(model, sizes.resolution, layer, degree):
+    for corner, angle, size in corners:
         for k in ends.query_ball_point(corner * unit, TOLERANCE):
             step = int(np.floor(np.log(size * unit) / np.log(ALIKE)))
             alike.setdefault(step, []).append((size * unit, tags[k]))

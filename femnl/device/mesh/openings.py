@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from femnl.core.device import Model
 from femnl.core.outline import Outline
+from femnl.device.geometry import curves as exact
 from femnl.device.geometry.openings import polygon
+from femnl.device.mesh.kernel import least_radius
 
 Array = NDArray[np.float64]
 
@@ -60,7 +62,7 @@ def rim_sizes(
     """
     asked: list[tuple[float, list[int], Array]] = []
     jumping: list[int] = []
-    smooth: list[int] = []
+    smooth: dict[float, list[int]] = {}
     elliptical: set[int] = set()
     around: dict[int, float] = {}
     for tag, k in rims.items():
@@ -75,16 +77,17 @@ def rim_sizes(
         elif tag in free and _follows_tips(model, rim):
             elliptical.add(k)
         elif tag in free:
-            smooth.append(tag)
-    for curved, segments in ((smooth, SEGMENTS), (jumping, JUMPS)):
-        for radius, arcs in arcs_by_radius(curved).items():
+            radius = round(exact.radius(rim.segments[0]) * unit, 6)
+            smooth.setdefault(radius, []).append(tag)
+    for alike, segments in ((smooth, SEGMENTS), (arcs_by_radius(jumping), JUMPS)):
+        for radius, arcs in alike.items():
             asked.append((2 * np.pi * radius / segments, arcs, np.empty((0, 2))))
     for k in sorted(elliptical):
         sizes, places = along_ellipse(model.openings[k])
         octave = np.floor(np.log(sizes) / np.log(STEP))
         for each in np.unique(octave):
-            alike = octave == each
-            asked.append((float(sizes[alike].min()) * unit, [], places[alike]))
+            within = octave == each
+            asked.append((float(sizes[within].min()) * unit, [], places[within]))
     yield from _gathered(asked)
 
 
@@ -149,8 +152,5 @@ def arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
     arcs: dict[float, list[int]] = {}
     for tag in tags:
         if gmsh.model.getType(1, tag) != "Line":
-            low, high = gmsh.model.getParametrizationBounds(1, tag)
-            stops = np.linspace(low[0], high[0], 5)
-            radius = 1 / np.max(gmsh.model.getCurvature(1, tag, list(stops)))
-            arcs.setdefault(round(radius, 6), []).append(tag)
+            arcs.setdefault(round(least_radius(tag), 6), []).append(tag)
     return arcs

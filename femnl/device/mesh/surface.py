@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import gmsh
 import numpy as np
@@ -10,7 +11,9 @@ from numpy.typing import NDArray
 from femnl.core.device import Model
 from femnl.core.outline import Segment
 from femnl.device.geometry import curves as exact
+from femnl.device.geometry.shapes import ellipse
 from femnl.device.mesh.grading import SCALE
+from femnl.device.mesh.kernel import kernel_of
 from femnl.device.mesh.symmetry import FULL, HALF, beyond_mirrors
 
 Array = NDArray[np.float64]
@@ -25,14 +28,18 @@ def draw_film(model: Model, wedge: float, unit: float) -> dict[int, int | None]:
     operation each. Holes and openings of a whole film are its inner edges, which need no operation:
     a geometry has none that meet.
     """
-    occ = gmsh.model.occ
+    kernel = kernel_of(model, wedge)
     known: dict[int, int | None] = {}
-    loops = [_loop(model.edge_outline.segments, unit)]
+    loops = [_loop(model.edge_outline.segments, unit, kernel)]
     if wedge == FULL:
-        for index, lines in _inner_edges(model, unit):
+        for index, lines in _inner_edges(model, unit, kernel):
             loops.append(lines)
             known |= dict.fromkeys(lines, index)
-    film = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in loops]))]
+    film = [(2, kernel.addPlaneSurface([kernel.addCurveLoop(lines) for lines in loops]))]
+    if kernel is not gmsh.model.occ:
+        kernel.synchronize()
+        return known
+    occ = kernel
     if wedge < FULL:
         film, _ = occ.intersect(film, [(2, _wedge_surface(wedge))])
         reaching = _reaching_into(model, wedge, unit)
@@ -40,7 +47,7 @@ def draw_film(model: Model, wedge: float, unit: float) -> dict[int, int | None]:
             film, _ = occ.cut(film, reaching)
     between = [] if model.overhang is None else [model.outline]
     between += [rim for lamina in model.layers for rim in lamina.rims]
-    across = [(1, line) for rim in between for line in _loop(rim.segments, unit)]
+    across = [(1, line) for rim in between for line in _loop(rim.segments, unit, occ)]
     if across:
         occ.fragment(film, across)
     occ.synchronize()
@@ -57,13 +64,13 @@ def draw_film(model: Model, wedge: float, unit: float) -> dict[int, int | None]:
     return {} if across else known
 
 
-def _inner_edges(model: Model, unit: float) -> Iterator[tuple[int | None, list[int]]]:
+def _inner_edges(model: Model, unit: float, kernel: Any) -> Iterator[tuple[int | None, list[int]]]:
     """Yield the curves of each hole with None, and of each opening with its index."""
-    radius = model.holes.radius * unit
-    for x, y in model.holes.centres * unit:
-        yield None, [gmsh.model.occ.addCircle(x, y, 0, radius)]
+    radius = model.holes.radius
+    for x, y in model.holes.centres:
+        yield None, _loop(ellipse((x, y), (radius, radius)), unit, kernel)
     for index, opening in enumerate(model.openings):
-        yield index, _loop(opening.segments, unit)
+        yield index, _loop(opening.segments, unit, kernel)
 
 
 def _reaching_into(model: Model, wedge: float, unit: float) -> list[tuple[int, int]]:
@@ -73,37 +80,36 @@ def _reaching_into(model: Model, wedge: float, unit: float) -> list[tuple[int, i
     radius = model.holes.radius * unit
     inner = [o for o in model.openings if np.any(beyond_mirrors(exact.polyline(o), wedge) < 0)]
     return [(2, occ.addDisk(x * unit, y * unit, 0, radius, radius)) for x, y in near] + [
-        (2, occ.addPlaneSurface([occ.addCurveLoop(_loop(o.segments, unit))])) for o in inner
+        (2, occ.addPlaneSurface([occ.addCurveLoop(_loop(o.segments, unit, occ))])) for o in inner
     ]
 
 
-def _loop(segments: tuple[Segment, ...], unit: float) -> list[int]:
+def _loop(segments: tuple[Segment, ...], unit: float, kernel: Any) -> list[int]:
     """Return gmsh's curves of consecutive segments, arcs in pieces of a quarter turn at most."""
-    occ = gmsh.model.occ
     # Of one loop alone: gmsh forgets the points of what it has cut
     points: dict[tuple[float, float], int] = {}
 
     def point(xy: Array | tuple[float, float]) -> int:
         x, y = np.round(np.asarray(xy) * unit, 9)
         if (x, y) not in points:
-            points[x, y] = occ.addPoint(x, y, 0)
+            points[x, y] = kernel.addPoint(x, y, 0)
         return points[x, y]
 
     lines = []
     for s in segments:
         if s.centre is None:
-            lines.append(occ.addLine(point(s.start), point(s.end)))
+            lines.append(kernel.addLine(point(s.start), point(s.end)))
             continue
         pieces = int(np.ceil(abs(exact.turn(s)) / (np.pi / 2) - 1e-9))
         inner = exact.point_at(s, np.arange(1, pieces) / pieces) if pieces > 1 else ()
         stops = [point(s.start), *map(point, inner), point(s.end)]
         if s.semi_axes is None:
-            lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
+            lines += [kernel.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
             continue
         longer = s.frame[:, int(np.argmax(s.semi_axes))]
         centre = point(s.centre)
         major = point(np.asarray(s.centre) + longer)
-        lines += [occ.addEllipseArc(a, centre, major, b) for a, b in pairwise(stops)]
+        lines += [kernel.addEllipseArc(a, centre, major, b) for a, b in pairwise(stops)]
     return lines
 
 
