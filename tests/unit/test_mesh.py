@@ -256,6 +256,21 @@ def test_the_mesher_is_closed_after_a_mesh_and_after_a_failure(device: Device) -
     assert not gmsh.isInitialized()
 
 
+@pytest.mark.parametrize(
+    ("places", "line"),
+    [
+        ([(0, 0), (0.4, 0)], r"hole 1 at \(0, 0\) um and hole 2 at \(0.4, 0\) um overlap"),
+        ([(0, 0), (4.8, 0)], r"hole 2 at \(4.8, 0\) um of radius 0.5 um cuts the outline"),
+        ([(7, 0)], r"hole 1 at \(7, 0\) um of radius 0.5 um lies outside the outline"),
+    ],
+)
+def test_holes_that_are_moved_onto_others_are_refused(
+    device: Device, places: list[tuple[float, float]], line: str
+) -> None:
+    with pytest.raises(GeometryError, match=line):
+        mesh(replace(device(SQUARE), holes=holes_at(*places)), "full")
+
+
 def slender(device: Device, aspect: float, angle: float = 0.0, bending: bool = True) -> Model:
     """A square with one elliptical opening."""
     hole = (

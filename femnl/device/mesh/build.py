@@ -19,11 +19,21 @@ from femnl.core.device import Model
 from femnl.core.domain import Domain
 from femnl.core.errors import GeometryError
 from femnl.core.memory import need_memory
+from femnl.core.outline import CELL
 from femnl.device.geometry import curves as exact
+from femnl.device.geometry.hole_faults import refuse_outside, refuse_overlap
 from femnl.device.geometry.openings import polygon
 from femnl.device.geometry.placing import moved
 from femnl.device.mesh.classify import classify
-from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
+from femnl.device.mesh.collect import (
+    TRIANGLE,
+    Raw,
+    assemble,
+    check_unfolded,
+    collect,
+    double,
+    misfit,
+)
 from femnl.device.mesh.grading import SCALE, Fineness, grade
 from femnl.device.mesh.layers import covered
 from femnl.device.mesh.surface import draw_film
@@ -81,8 +91,7 @@ def mesh(
             f"{model.name}: no edge of the outline is clamped, so that nothing holds the film; "
             "clamp at least one"
         )
-    if not polygon(model.edge_outline).is_valid:  # on a line that crosses itself gmsh never ends
-        raise _no_film(model)
+    _refuse_crossings(model)
     PROGRESS.info("%s: meshing", model.name)
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
@@ -191,12 +200,23 @@ def _build(model: Model, wedge: float, fineness: Fineness, copies: int, alone: b
             f"{model.name}: the mesher failed ({error}); check for holes or edges closer to each "
             "other than 1e-8 of the outline"
         ) from error
+    if len(gmsh.model.mesh.getElementsByType(TRIANGLE)[0]) == 0:
+        raise _no_film(model)
     mirrors = {f"mirror-{k}": tags for k, tags in enumerate(curves.mirrors)}
     free = curves.free + curves.holes + curves.openings
-    raw = collect({"clamped": curves.clamped, "free": free, **mirrors}, unit)
-    if len(raw.triangles) == 0:
+    return collect({"clamped": curves.clamped, "free": free, **mirrors}, unit)
+
+
+def _refuse_crossings(model: Model) -> None:
+    """Refuse an outline that crosses itself, and round holes that meet it or each other.
+
+    gmsh never ends on them. Files are refused before; a model may be changed since.
+    """
+    if not polygon(model.edge_outline).is_valid:
         raise _no_film(model)
-    return raw
+    refuse_overlap(model.holes)
+    if model.outline.kind != CELL:
+        refuse_outside(model.holes, model.edge_outline)
 
 
 def _no_film(model: Model) -> GeometryError:
