@@ -146,7 +146,7 @@ class _Sizes:
         """
         field = gmsh.model.mesh.field
         distance = field.add("Distance")
-        lengths = [length(t) for t in tags]
+        lengths = [length(t, self.kernel) for t in tags]
         along = sum(lengths) / size + len(points or []) / AN_ELEMENT
         self.inverse_square.append(fan * along * self.grading / growth)
         field.setNumbers(distance, "CurvesList", tags)

@@ -28,10 +28,11 @@ def kernel_of(model: Model, wedge: float) -> Any:
     return gmsh.model.occ if cut or elliptical else gmsh.model.geo
 
 
-def length(tag: int) -> float:
-    """Return the length of a curve of the model, in gmsh's lengths."""
-    ends = [0.0, 1.0]
-    places = _places(tag, ends if gmsh.model.getType(1, tag) == "Line" else list(STOPS))
+def length(tag: int, kernel: Any) -> float:
+    """Return the length of a curve, in gmsh's lengths; OpenCASCADE knows it."""
+    if kernel is gmsh.model.occ:
+        return float(kernel.getMass(1, tag))
+    places = _places(tag, [0.0, 1.0] if gmsh.model.getType(1, tag) == "Line" else list(STOPS))
     return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
 
 
