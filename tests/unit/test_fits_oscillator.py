@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
-from femnl.fits.record.oscillator import fit_oscillator, simulate_oscillator
+from femnl.fits.record.oscillator import fit_oscillator, settled, simulate_oscillator
 from femnl.observe.record.free_run import EDGE, Array, Hold, free_run, stages
 from tests.blind.lab.record import SUBSTEPS, RecordBench
 
@@ -210,3 +210,41 @@ def test_records_that_cannot_be_fitted_are_refused_in_one_line(motion: tuple[Arr
         MeasurementError, match="drive: 10 samples; a band-limited drive needs more than 13"
     ):
         simulate_oscillator(linear, drive[:10], RATE)
+
+
+def linear_motion(tone: Array, fine: Array) -> Array:
+    """Motion from rest of a linear oscillator of 60 Hz and Q = 12, with noise, at each tenth time.
+
+    By scipy's lsim, under a drive (n,) at the times (n,) [s].
+    """
+    f0 = 60.0
+    square = (2 * np.pi * f0) ** 2
+    system = ([square], [1.0, 2 * np.pi * f0 / 12, square])
+    motion = np.asarray(lsim(system, tone, fine)[1])[::10]
+    return motion + 1e-4 * np.random.default_rng(5).standard_normal(len(motion))
+
+
+FINE = np.arange(20000) / (10 * RATE)
+
+
+def test_a_burst_that_is_over_before_the_motion_has_settled_is_fitted() -> None:
+    width = 0.03 * FINE[-1]
+    tone = np.sin(2 * np.pi * 61 * FINE) * np.exp(-(((FINE - 3 * width) / width) ** 2))
+    tone[6.5 * width < FINE] = 0
+    motion = linear_motion(tone, FINE)
+    chosen = settled(tone[::10], motion, RATE)
+    assert chosen.all()
+    fit = fit_oscillator(tone[::10], motion, RATE, (), fitted=chosen)
+    assert fit["frequency"] == pytest.approx(60, rel=1e-3)
+    assert fit["quality_factor"] == pytest.approx(12, rel=0.01)
+
+
+def test_a_tone_tells_a_resonance_while_its_motion_settles_alone() -> None:
+    tone = np.sin(2 * np.pi * 52 * FINE)
+    motion = linear_motion(tone, FINE)
+    chosen = settled(tone[::10], motion, RATE)
+    assert chosen.all()
+    fit = fit_oscillator(tone[::10], motion, RATE, (), fitted=chosen)
+    assert fit["frequency"] == pytest.approx(60, rel=0.01)
+    with pytest.raises(ConvergenceError, match="drive: it has one frequency, which does not tell"):
+        fit_oscillator(tone[5000::10], motion[500:], RATE, ())

@@ -11,7 +11,12 @@ from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.covariance import STEP, derived
 from femnl.fits.held import Held, hold_fixed
-from femnl.fits.record.start import equation_start, linear_start
+from femnl.fits.record.start import (
+    ONE_FREQUENCY,
+    equation_start,
+    linear_start,
+    of_one_frequency,
+)
 from femnl.observe.record.free_run import (
     EDGE,
     Array,
@@ -122,6 +127,8 @@ def fit_oscillator(
     values = min(ends, key=lambda end: float(np.sum(_left(names, end, record) ** 2)))
     damping, stiffness = values[1:3] / values[0]
     if not (damping > 0 and 0 < stiffness < (np.pi / interval) ** 2):
+        if of_one_frequency(u[chosen]):
+            raise ConvergenceError(ONE_FREQUENCY)
         raise ConvergenceError(
             f"output: of mass 1, the oscillator that comes closest has damping {damping:.3g}/s "
             f"and stiffness {stiffness:.3g}/s²: it does not come to rest, or is faster than half "
@@ -176,11 +183,13 @@ def simulate_oscillator(
 def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.bool_]:
     """Return which samples (n,) are known and can be predicted by a free run.
 
-    The linear part of the oscillator decides; see `predictable`.
+    The linear part of the oscillator decides; see `predictable`. All known ones count where those
+    after it has settled tell no resonance: a burst is over then, and a tone has one frequency.
     """
     known = np.isfinite(output) & np.isfinite(drive)
     mass, damping, _ = linear_start(drive[known], output[known], 1 / sampling_rate)
-    return known & predictable(len(output), damping / mass / (2 * sampling_rate))
+    late = known & predictable(len(output), damping / mass / (2 * sampling_rate))
+    return known if late.any() and of_one_frequency(drive[late]) else late
 
 
 def begun(output: Array, interval: float) -> Array:

@@ -14,6 +14,14 @@ from femnl.observe.record.free_run import Array
 # rate a thousandth.
 SMOOTH = 1.2
 REACH = 10
+# Bins of a spectrum on either side of a tone that Hann's window fills, and the part of the power
+# that they hold of one.
+WIDTH = 3
+PURE = 0.999
+ONE_FREQUENCY = (
+    "drive: it has one frequency, which does not tell mass, damping and stiffness apart; record a "
+    "sweep or noise, or the responses at several frequencies"
+)
 
 
 def equation_start(
@@ -78,6 +86,8 @@ def linear_start(u: Array, y: Array, interval: float) -> Array:
     root = complex(np.roots([1.0, -a1, -a2])[0])
     rest = 1 - a1 - a2
     if root.imag == 0 or abs(root) >= 1:
+        if of_one_frequency(u):
+            raise ConvergenceError(ONE_FREQUENCY)
         raise ConvergenceError(
             f"output: its linear recursion, with the root {root:.4g}, does not ring; fit another "
             "part of the record"
@@ -85,3 +95,10 @@ def linear_start(u: Array, y: Array, interval: float) -> Array:
     pole = np.log(root) / interval
     gain = sum(b) / rest
     return np.asarray(np.array([1.0, -2 * pole.real, abs(pole) ** 2]) / (gain * abs(pole) ** 2))
+
+
+def of_one_frequency(u: Array) -> bool:
+    """Whether a drive is constant or a single tone, as wide as its window makes it."""
+    power = np.abs(np.fft.rfft((u - u.mean()) * np.hanning(len(u)))) ** 2
+    peak = int(power.argmax())
+    return bool(power[max(peak - WIDTH, 0) : peak + WIDTH + 1].sum() >= PURE * power.sum())
