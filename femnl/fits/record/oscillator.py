@@ -183,13 +183,13 @@ def simulate_oscillator(
 def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.bool_]:
     """Return which samples (n,) are known and can be predicted by a free run.
 
-    The linear part of the oscillator decides; see `predictable`. All known ones count where those
-    after it has settled tell no resonance: a burst is over then, and a tone has one frequency.
+    The linear part of the oscillator decides; see `predictable`. All known ones count where the
+    drive is over before the motion has settled, as after a burst: the others tell no stiffness.
     """
     known = np.isfinite(output) & np.isfinite(drive)
     mass, damping, _ = linear_start(drive[known], output[known], 1 / sampling_rate)
     late = known & predictable(len(output), damping / mass / (2 * sampling_rate))
-    return known if late.any() and of_one_frequency(drive[late]) else late
+    return known if late.any() and np.ptp(drive[late]) == 0 else late
 
 
 def begun(output: Array, interval: float) -> Array:
