@@ -8,7 +8,11 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter, lsim
 
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
+from femnl.fits import least_squares
 from femnl.fits.record.oscillator import fit_oscillator, settled, simulate_oscillator
+from femnl.fits.record.pose import pose
+from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.record.free_run import EDGE, Array, Hold, free_run, stages
 from tests.blind.lab.record import SUBSTEPS, RecordBench
 
@@ -246,3 +250,23 @@ def test_a_tone_tells_a_resonance_while_its_motion_settles_alone() -> None:
     assert fit["frequency"] == pytest.approx(60, rel=0.01)
     with pytest.raises(ConvergenceError, match="drive: it has one frequency, which does not tell"):
         fit_oscillator(tone[5000::10], motion[500:], RATE, ())
+
+
+@pytest.mark.parametrize(("frequency", "told"), [(55, True), (63, False)])
+def test_a_steady_tone_is_diagnosed_only_where_an_oscillator_follows_it(
+    frequency: float, told: bool
+) -> None:
+    tone = np.sin(2 * np.pi * frequency * FINE)
+    record = measurement.trace(
+        np.arange(1500) / RATE,
+        linear_motion(tone, FINE)[None, 500:],
+        drive_voltage=tone[None, 5000::10],
+        noise_sd=1e-4,
+    )
+    if told:
+        model = pose(record)
+        result = least_squares.fit(ExtendedModel(model), model.start)
+        assert abs(result.chi2 - result.degrees) < 3 * np.sqrt(2 * result.degrees)
+        return
+    with pytest.raises(ConvergenceError, match="drive: it has one frequency"):
+        pose(record)

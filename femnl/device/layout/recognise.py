@@ -24,8 +24,8 @@ chance leads astray."""
 MOVED = 50.0
 """Steps of the grid by which a radius may move for a round number: a short arc hardly fixes it."""
 MOVED_ALL_AROUND = 3 * FITTED
-"""The same where corners lie all around: none is nearer than FITTED to two circles whose radii
-differ by more than twice that."""
+"""The same where corners lie all around: they cannot all lie within FITTED of two circles whose
+radii differ by more than twice that."""
 CENTRING = 4  # steps at most, of Gauss and Newton
 CENTRED = 1e-9  # of the radius, the last step
 STEPS = (1000.0, 500.0, 100.0, 50.0, 10.0, 5.0, 1.0, 0.5, 0.1)

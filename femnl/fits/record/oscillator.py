@@ -33,6 +33,8 @@ LINEAR = ("mass", "damping", "stiffness")
 TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
 CLOSE = 1e-7
 MAX_CALLS = 40
+# Part of a drive's rms below which it is over, and only disturbs.
+OVER = 0.01
 # Samples through which the motion at the begin is found.
 FIRST = 6
 
@@ -189,7 +191,8 @@ def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.boo
     known = np.isfinite(output) & np.isfinite(drive)
     mass, damping, _ = linear_start(drive[known], output[known], 1 / sampling_rate)
     late = known & predictable(len(output), damping / mass / (2 * sampling_rate))
-    return known if late.any() and np.ptp(drive[late]) == 0 else late
+    over = late.any() and np.std(drive[late]) < OVER * np.std(drive[known])
+    return known if over else late
 
 
 def begun(output: Array, interval: float) -> Array:

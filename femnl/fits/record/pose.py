@@ -8,13 +8,13 @@ import xarray as xr
 
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
-from femnl.core.errors import MeasurementError
+from femnl.core.errors import ConvergenceError, MeasurementError
 from femnl.core.fit import Fit
 from femnl.core.numbers import engineering
 from femnl.core.readout import Array
 from femnl.fits.least_squares import fit
 from femnl.fits.record.oscillator import LINEAR, begun, fit_oscillator, settled, simulate_oscillator
-from femnl.fits.record.start import equation_start
+from femnl.fits.record.start import ONE_FREQUENCY, equation_start, of_one_frequency
 from femnl.io.measurement import noise_sd
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
@@ -59,7 +59,8 @@ def pose(
     checkpoint: keeps the fits that follow the record.
 
     Raises: MeasurementError for more than one record, for an output that no oscillator with a cubic
-    force follows, and for a chaotic motion.
+    force follows, and for a chaotic motion; ConvergenceError for a tone that does not tell the
+    oscillator.
     """
     record = _first_known(dataset)
     noise, note = noise_sd(dataset)
@@ -73,7 +74,7 @@ def pose(
     model = _at_start(record, terms, held, begin, noise)
     left, start = _recalled(model, checkpoint)
     model = replace(model, start=start)
-    _refuse_what_does_not_follow(model, left)
+    _refuse_what_does_not_follow(model, left, record.drive)
     simulated = simulate_oscillator(linear, record.drive, 1 / record.interval)
     linearly = float(np.nanstd((simulated - record.output)[late]))
     notes = (
@@ -214,11 +215,19 @@ def _followed(model: RecordModel, checkpoint: Checkpoint | None) -> tuple[float,
     return min(found, key=lambda one: one[0])
 
 
-def _refuse_what_does_not_follow(model: RecordModel, left: float) -> None:
-    """Refuse an output that is none of the drive's, and a chaotic one.
+def _refuse_what_does_not_follow(model: RecordModel, left: float, drive: Array) -> None:
+    """Refuse an output that is none of the drive's, a chaotic one, and what a tone does not tell.
 
-    left: what the base model leaves [V rms].
+    Many oscillators have the same amplitude and phase at one frequency: where the one that is found
+    leaves more than noise, it may be the wrong one as well as a cause.
+
+    Args:
+        model: that starts at the base model.
+        left: what the base model leaves [V rms].
+        drive: (n,) [V] of the record.
     """
+    if left > FOLLOWED * model.noise and of_one_frequency(drive):
+        raise ConvergenceError(ONE_FREQUENCY)
     moved = float(np.std(model.output))
     if left > UNRELATED * moved:
         raise MeasurementError(
