@@ -20,6 +20,7 @@ from femnl.core.domain import Domain
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import curves, parse
+from femnl.device.geometry.placing import placed
 from femnl.device.geometry.shapes import ellipse
 from femnl.device.mesh import has_symmetry, mesh
 from femnl.device.mesh.collect import check_unfolded
@@ -269,6 +270,18 @@ def test_holes_that_are_moved_onto_others_are_refused(
 ) -> None:
     with pytest.raises(GeometryError, match=line):
         mesh(replace(device(SQUARE), holes=holes_at(*places)), "full")
+
+
+def test_an_opening_that_is_moved_onto_the_outline_or_a_hole_is_refused(device: Device) -> None:
+    model = slender(device, 2.0)
+    (opening,) = model.openings
+    onto_edge = replace(model, openings=(placed(opening, np.array([4e-6, 0.0])),))
+    with pytest.raises(GeometryError, match=r"opening 1 at \(4.3, 0.5\) um .* cuts or touches"):
+        mesh(onto_edge, "full")
+    with pytest.raises(
+        GeometryError, match=r"opening 1 .* and the round hole 1 .* overlap or touch"
+    ):
+        mesh(replace(model, holes=holes_at((0.3, 1.0))), "full")
 
 
 def slender(device: Device, aspect: float, angle: float = 0.0, bending: bool = True) -> Model:

@@ -35,21 +35,26 @@ class Openings:
 def openings(groups: Sequence[HolesTable]) -> Openings:
     """Return the rims of all holes of the groups, in their order."""
     rims: list[Outline] = []
-    drawn: list[shapely.Polygon] = []
+    shapes: list[shapely.Polygon] = []
     for group in groups:
         centres = group.positions()
         like, which = group.prototypes(len(centres))
         chords = [curves.polyline(rim, PER_TURN) for rim in like]
         for centre, k in zip(centres, which, strict=True):
             rims.append(placed(like[k], centre))
-            drawn.append(shapely.Polygon(chords[k] + centre))
-    return Openings(tuple(rims), np.array(drawn, dtype=object))
+            shapes.append(shapely.Polygon(chords[k] + centre))
+    return Openings(tuple(rims), np.array(shapes, dtype=object))
+
+
+def drawn(rims: Sequence[Outline]) -> Openings:
+    """Return openings of which the rims are known."""
+    return Openings(tuple(rims), np.array([polygon(rim) for rim in rims], dtype=object))
 
 
 def joined(inner: Openings, rims: Sequence[Outline]) -> Openings:
     """Return openings followed by the rims of more."""
-    drawn = np.array([polygon(rim) for rim in rims], dtype=object)
-    return Openings((*inner.rims, *rims), np.concatenate([inner.drawn, drawn]))
+    more = drawn(rims)
+    return Openings((*inner.rims, *rims), np.concatenate([inner.drawn, more.drawn]))
 
 
 def middle(opening: Outline) -> Array:

@@ -22,7 +22,7 @@ from femnl.core.memory import need_memory
 from femnl.core.outline import CELL
 from femnl.device.geometry import curves as exact
 from femnl.device.geometry.hole_faults import refuse_outside, refuse_overlap
-from femnl.device.geometry.openings import polygon
+from femnl.device.geometry.openings import drawn, polygon, refuse_misplaced
 from femnl.device.geometry.placing import moved
 from femnl.device.mesh.classify import classify
 from femnl.device.mesh.collect import (
@@ -208,7 +208,7 @@ def _build(model: Model, wedge: float, fineness: Fineness, copies: int, alone: b
 
 
 def _refuse_crossings(model: Model) -> None:
-    """Refuse an outline that crosses itself, and round holes that meet it or each other.
+    """Refuse an outline that crosses itself, and holes and openings that meet it or each other.
 
     gmsh never ends on them. Files are refused before; a model may be changed since.
     """
@@ -217,6 +217,7 @@ def _refuse_crossings(model: Model) -> None:
     refuse_overlap(model.holes)
     if model.outline.kind != CELL:
         refuse_outside(model.holes, model.edge_outline)
+        refuse_misplaced(drawn(model.openings), model.holes, model.edge_outline)
 
 
 def _no_film(model: Model) -> GeometryError:
