@@ -54,9 +54,7 @@ def sampled(
     phase = 4 * np.pi / WAVELENGTH * u + theta[:, None]
 
     def fringe(phi: Array) -> Array:
-        return np.asarray(
-            sum(np.real(c * np.exp(1j * k * phi)) for k, c in enumerate(coefficients) if k)
-        )
+        return np.real(np.polynomial.polynomial.polyval(np.exp(1j * phi), [0, *coefficients[1:]]))
 
     top = (
         limit * np.abs(fringe(np.linspace(0, 2 * np.pi, 20_000))).max()

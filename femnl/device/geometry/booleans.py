@@ -92,22 +92,23 @@ class _Sources:
 
     def of(self, edges: Array) -> NDArray[np.int64]:
         """Return which curve each edge (n, 2, 2) is part of; −1 for edges too short to tell."""
-        middle = edges.mean(axis=1)
         length = np.hypot(*(edges[:, 1] - edges[:, 0]).T)
+        middle = shapely.points(edges.mean(axis=1))
+        edge, chord = self.tree.query(middle, "dwithin", 4 * self.grid)
+        along = self.end[chord] - self.start[chord]
+        along /= np.hypot(*along.T)[:, None]
+        away = edges[edge] - self.start[chord][:, None]
+        across = away[..., 0] * along[:, None, 1] - away[..., 1] * along[:, None, 0]
+        gap = np.abs(across).max(axis=1)
+        clamped = np.array([segment.clamped for segment in self.segments])[self.owner[chord]]
+        # Ties go to a clamped edge: there the film ends at the clamp
+        rank = gap - np.where(clamped, self.grid, 0.0)
+        tells = (gap < 4 * self.grid) & (length[edge] > 8 * self.grid)
+        # The best comes last, and stays
+        order = np.flatnonzero(tells)[::-1]
+        order = order[np.argsort(-rank[order], kind="stable")]
         found = np.full(len(edges), -1)
-        best = np.full(len(edges), np.inf)
-        pairs = self.tree.query(shapely.points(middle), "dwithin", 4 * self.grid)
-        for k, chord in pairs.T:
-            along = self.end[chord] - self.start[chord]
-            along = along / np.hypot(*along)
-            away = edges[k] - self.start[chord]
-            gap = float(np.abs(away[:, 0] * along[1] - away[:, 1] * along[0]).max())
-            segment = self.segments[self.owner[chord]]
-            # Ties go to a clamped edge: there the film ends at the clamp
-            rank = gap - (self.grid if segment.clamped else 0.0)
-            if gap < 4 * self.grid and length[k] > 8 * self.grid and rank < best[k]:
-                best[k] = rank
-                found[k] = self.owner[chord]
+        found[edge[order]] = self.owner[chord[order]]
         return found
 
 
