@@ -16,8 +16,8 @@ from femnl.fits.least_squares import FitResult
 from femnl.observe.extended import ExtendedModel
 
 T = TypeVar("T")
-N_SHAPES = {0: 1, 1: 128, 2: 128, 3: 128}
-"""Trial shapes of an effect with that many parameters that only shape it."""
+N_SHAPES = 128
+"""Trial shapes of an effect with parameters that only shape it."""
 AT_ONCE = 16
 """Shapes that are tried at once."""
 RESIDUALS_AT_ONCE = 400_000
@@ -116,7 +116,7 @@ def _trial_shapes(ranges: list[_Range]) -> list[dict[str, float]]:
     """
     if not ranges:
         return [{}]
-    parts = Sobol(len(ranges), rng=np.random.default_rng(0)).random(N_SHAPES[len(ranges)])
+    parts = Sobol(len(ranges), rng=np.random.default_rng(0)).random(N_SHAPES)
     return [
         {one.spec.name: _at(one.spec, one.low, one.high, part) for one, part in pairs}
         for pairs in (list(zip(ranges, row, strict=True)) for row in parts)

@@ -38,7 +38,7 @@ class JointModel(MeasurementModel):
 
     groups: the model of each measurement by name. names: of each, its base parameters' names here.
     originals: effects as their files state them, by name. places: of a parameter here that belongs
-    to one laser, (effect, name): its own name, and the measurements under that laser.
+    to one laser or unit, (effect, name): its own name, and the measurements that have it.
     """
 
     kind: Kind
@@ -72,6 +72,10 @@ class JointModel(MeasurementModel):
     def _kept(self) -> dict[object, Array]:
         """Residuals of single measurements at the latest parameters."""
         return {}
+
+    def can_show(self, effect: Effect) -> bool:
+        """Whether any of the measurements can."""
+        return any(group.can_show(effect) for group in self.groups.values())
 
     def seen_by(
         self, group: str, effects: Sequence[Effect], base: Values, values: Sequence[Values]
@@ -258,9 +262,8 @@ class JointModel(MeasurementModel):
         alone = {}
         for group, base_model in self.groups.items():
             acting, own, numbers = self.seen_by(group, result.model.effects, base, values)
-            model = ExtendedModel(
-                base_model, tuple(self.originals[effect.name] for effect in acting)
-            )
+            originals = [self.originals[effect.name] for effect in acting]
+            model = ExtendedModel(base_model, tuple(base_model.usable_effects(originals)))
             alone[group] = fit(model, model.pack(own, numbers), checkpoint=result.checkpoint)
         notes = []
         for k, (owner, spec) in enumerate(result.model.parameters):

@@ -46,7 +46,9 @@ def pose_joint(
     """Return the model of all measurements of a file, and the effects that can show in it.
 
     Parameters of one measurement are named "measurement.parameter". Effects on film and stage have
-    one set of parameters; those of a laser one for each kind of measurement and wavelength.
+    one set of parameters for all measurements that count them in the same unit, but one for each
+    mode that is driven and for each decay; those of a laser have one for each kind of measurement
+    and wavelength.
 
     Args: groups: the model of each measurement by name. library: effects. backwards: whether all
     other maps start in antiphase to the first, which an asymmetric fringe can tell. checkpoint:
@@ -130,42 +132,56 @@ def _adapted(
     """Return the effects that can show in any of the measurements, with their parameters here."""
     found = _Adapted([], {}, {}, _largest_scales(groups, list(groups)))
     for effect in library:
-        acting = [name for name, group in groups.items() if group.can_show(effect)]
-        if acting:
+        own = {
+            name: one.parameters
+            for name, group in groups.items()
+            for one in group.usable_effects([effect])
+        }
+        if own:
             found.originals[effect.name] = effect
             gone = tuple(
                 names[group][name]
-                for group in acting
+                for group in own
                 for name in effect.replaces
                 if name in names[group]
             )
-            own = _parameters(groups, effect, acting, found)
-            found.effects.append(replace(effect, replaces=gone, parameters=own))
+            specs = _parameters(groups, effect, own, found)
+            found.effects.append(replace(effect, replaces=gone, parameters=specs))
     return found
 
 
 def _parameters(
-    groups: Groups, effect: Effect, acting: list[str], found: _Adapted
+    groups: Groups,
+    effect: Effect,
+    own: Mapping[str, tuple[ParameterSpec, ...]],
+    found: _Adapted,
 ) -> tuple[ParameterSpec, ...]:
-    """Return the parameters of an effect on some measurements: one set for each laser.
+    """Return the parameters of an effect on some measurements: one set for those that share it.
 
     Places and scales of such sets are added to what was found.
+
+    Args: own: the parameters that each measurement that shows the effect gives it.
     """
-    lasers: dict[object, list[str]] = {}
-    for group in acting:
-        laser = (groups[group].kind, groups[group].scales.get("wavelength"))
-        lasers.setdefault(laser, []).append(group)
-    if effect.shared or len(lasers) == 1:
-        return effect.parameters
-    specs = []
-    for members in lasers.values():
+    commons: dict[str, set[object]] = {}
+    for group in own:
+        commons.setdefault(groups[group].kind, set()).add(groups[group].common)
+    sets: dict[object, list[str]] = {}
+    for group, specs in own.items():
+        one = groups[group]
+        film = one.common if len(commons[one.kind]) > 1 else None
+        laser = (one.kind, one.scales.get("wavelength"))
+        sets.setdefault((specs, film if effect.shared else laser), []).append(group)
+    merged = []
+    for members in sets.values():
         label = "+".join(members) + "."
         found.scales |= _largest_scales(groups, members, label)
-        for spec in effect.parameters:
+        for spec in own[members[0]]:
+            name = label + spec.name if len(sets) > 1 else spec.name
             scale = label + spec.scale if spec.scale else ""
-            specs.append(replace(spec, name=label + spec.name, scale=scale))
-            found.places[effect.name, label + spec.name] = (spec.name, members)
-    return tuple(specs)
+            merged.append(replace(spec, name=name, scale=scale))
+            if len(sets) > 1:
+                found.places[effect.name, name] = (spec.name, members)
+    return tuple(merged)
 
 
 def _largest_scales(groups: Groups, members: list[str], label: str = "") -> dict[str, float]:

@@ -125,7 +125,7 @@ def _first_noise(posing: Callable[..., Posed], checkpoint: Checkpoint) -> Noise:
     model, effects = posing(checkpoint)
     if isinstance(model, JointModel):
         return {
-            name: first_noise(group, group.usable_effects(effects), checkpoint)
+            name: first_noise(group, group.usable_effects(model.originals.values()), checkpoint)
             for name, group in model.groups.items()
         }
     return {"": first_noise(model, effects, checkpoint)}

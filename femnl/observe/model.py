@@ -99,6 +99,14 @@ class MeasurementModel(ABC):
         return ()
 
     @property
+    def common(self) -> object:
+        """What measurements of this kind agree in that have parameters of effects in common.
+
+        Nothing, unless a kind says otherwise.
+        """
+        return None
+
+    @property
     def variant(self) -> str:
         """What residuals depend on beside the file and the parameters, for the names of fits."""
         return ""

@@ -206,6 +206,11 @@ class NoisyModel(MeasurementModel):
         """Return base parameters far from a solution."""
         return self.bare.far_from(base)
 
+    @property
+    def common(self) -> object:
+        """Return that of the bare model."""
+        return self.bare.common
+
     def usable_effects(self, library: Iterable[Effect]) -> list[Effect]:
         """Return those of the bare model."""
         return self.bare.usable_effects(library)

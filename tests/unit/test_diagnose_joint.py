@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.effect import Effect
@@ -21,6 +22,9 @@ from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
 from femnl.optics.fringe import MultilayerFringe
+from tests.blind.lab.record import RecordBench
+from tests.blind.lab.response import ResponseBench
+from tests.unit.decay_records import TONE, record
 
 Array = NDArray[np.float64]
 MODEL = load("square-270um")
@@ -214,3 +218,43 @@ def test_measurements_that_share_nothing_are_judged_side_by_side(tmp_path: Path)
     rate = found.parameters["gas_damping"]["per_pressure"]
     assert abs(rate.value - 2.5e-6) < 4 * rate.sd
     assert any("no parameter in common" in note for note in found.notes)
+
+
+def test_causes_in_a_decay_and_a_record_count_in_the_unit_of_each(tmp_path: Path) -> None:
+    """A decay counts amplitudes in that at its begin, a record in volts of its output."""
+    rng = np.random.default_rng(5)
+    bench = RecordBench(rng)
+    bench.noise = 3e-4
+    decays = {
+        f"decay_{k}": measurement.decay(*record(k, points=200)[:2], attributes={"frequency": TONE})
+        for k in range(2)
+    }
+    path = tmp_path / "both.nc"
+    groups = {**decays, **bench.measured(bench.draw(rng), {}, rng)}
+    measurement.write(measurement.bundle(groups, geometry="square-270um"), path)
+    effects = {effect.name: effect for effect in joint_with_effects(path)[1]}
+    damping = {spec.name: spec.unit for spec in effects["nonlinear_damping"].parameters}
+    assert damping == {"decay_0.eta": "A0^-2", "decay_1.eta": "A0^-2", "record.eta": "V^-2"}
+    assert [spec.unit for spec in effects["quintic_stiffness"].parameters] == ["V^-4"]
+    few = [library()[name] for name in ("nonlinear_damping", "quintic_stiffness", "beating_pair")]
+    assert diagnose(path, effects=few).verdict == "adequate"
+
+
+def test_forces_on_two_modes_are_one_each(tmp_path: Path) -> None:
+    """Sweeps of one mode share them, and all sweeps share what belongs to their laser."""
+
+    def swept(mode: str) -> xr.Dataset:
+        rng = np.random.default_rng(1)
+        bench = ResponseBench("square-270um", (), rng)
+        while bench.mode != mode:
+            bench = ResponseBench("square-270um", (), rng)
+        return bench.measured(bench.draw(rng), {}, rng)["response"]
+
+    first, other = swept("1,1"), swept("2,2")
+    groups = {"first": first, "again": first, "other": other}
+    path = tmp_path / "sweeps.nc"
+    measurement.write(measurement.bundle(groups, geometry="square-270um"), path)
+    effects = {effect.name: effect for effect in joint_with_effects(path)[1]}
+    of_modes = [spec.name for spec in effects["nonlinear_damping"].parameters]
+    assert of_modes == ["first+again.eta", "other.eta"]
+    assert [spec.name for spec in effects["crosstalk"].parameters] == ["real", "imag"]

@@ -98,6 +98,11 @@ class DecayModel(MeasurementModel):
         ]
 
     @property
+    def common(self) -> object:
+        """Another decay begins with another amplitude and phase, in which effects count here."""
+        return self
+
+    @property
     def blocks(self) -> NDArray[np.int64]:
         """Stretches of time, dealt in turns: what is held out lies between what is not."""
         return self._stretches % HELD_OUT

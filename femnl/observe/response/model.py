@@ -73,6 +73,11 @@ class ResponseModel(MeasurementModel):
     hidden: bool = False
     copies: int = 1
 
+    @property
+    def common(self) -> object:
+        """The driven mode: each has its own forces."""
+        return self.mode
+
     def unscaled_by(self, glitches: Sequence[int]) -> "ResponseModel":
         """Return the model whose scales are those of the other data: a glitch is no signal."""
         n = len(self.sweeps.frequency)
