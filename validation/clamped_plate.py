@@ -65,4 +65,5 @@ CASE = Case(
         ),
     ),
     compute=compute,
+    slow=True,
 )

@@ -71,4 +71,5 @@ CASE = Case(
         ),
     ),
     compute=compute,
+    slow=True,
 )

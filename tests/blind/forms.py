@@ -5,6 +5,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from femnl.effects import library
@@ -85,6 +86,7 @@ def formulas(path: Path) -> dict[Formula, str]:
     return found
 
 
+@cache
 def library_formulas() -> dict[Formula, str]:
     """Return the formulas of the effects and of the models that they act in."""
     found: dict[Formula, str] = {}

@@ -106,7 +106,7 @@ def roots(mismatch: Callable[[float], float], highest: float) -> list[float]:
 
 @pytest.mark.parametrize("bending", [False, True])
 @pytest.mark.parametrize("width", [pytest.param(4.0, marks=pytest.mark.slow), 7.5])
-@pytest.mark.parametrize("more", ["", STRESSED, STIFF])
+@pytest.mark.parametrize("more", [pytest.param("", marks=pytest.mark.slow), STRESSED, STIFF])
 def test_waves_across_stripes_are_those_of_a_string_or_beam_of_two_kinds(
     bending: bool, width: float, more: str
 ) -> None:
@@ -187,7 +187,9 @@ def test_waves_in_a_film_with_discs_are_those_of_plane_waves(
 HINGED = '[clamp]\nshear = "0 Pa"\nrotation = "0 N"\n'
 
 
-@pytest.mark.parametrize("shape", [disc(6.0), stripes(4.0), disc(11.0)])
+@pytest.mark.parametrize(
+    "shape", [disc(6.0), stripes(4.0), pytest.param(disc(11.0), marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("bending", [False, True])
 def test_standing_waves_of_one_cell_are_waves_of_the_lattice(shape: str, bending: bool) -> None:
     """Modes of a hinged film as large as a cell, continued oddly, which no periodic code solved.

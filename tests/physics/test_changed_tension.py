@@ -176,10 +176,11 @@ def solved_with_less_effort() -> TensionChanges:
 
 
 def test_the_effort_falls_with_the_unknowns_of_a_mesh() -> None:
-    modes, _, _ = whole("four holes")
+    modes, _, _ = whole("square")
     assert Space(modes.domain.mesh, modes.degree).size < MANY
     assert effort_of(modes).degree == modes.degree
-    fine = replace(modes, prestress=solve_prestress(mesh(parse(FOUR_HOLES), "full", 4.0, 4), 4))
+    domain = mesh(parse(SQUARE), "full", 4.0, modes.degree)
+    fine = replace(modes, prestress=replace(modes.prestress, domain=domain))
     assert Space(fine.domain.mesh, fine.degree).size > MANY
     assert effort_of(fine) == less_effort(fine.degree - 1)
 
@@ -212,7 +213,7 @@ def test_a_yielding_edge_does_what_it_does_to_the_film(name: str, share: float) 
     assert lowest(on_film(found.modes, found.projection), causes) == pytest.approx(anew, rel=2e-8)
 
 
-@pytest.mark.parametrize("name", FILMS)
+@pytest.mark.parametrize("name", WITH_SLOW)
 @pytest.mark.parametrize("elongation", [-0.1, -0.03, 0.06, 0.1])
 def test_other_sides_do_what_they_do_to_the_film(name: str, elongation: float) -> None:
     found = quarter(name)

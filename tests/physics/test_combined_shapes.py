@@ -128,7 +128,10 @@ def test_a_round_hole_is_the_same_however_it_is_written() -> None:
     "shape",
     [
         pytest.param('{kind = "square", side = "0.2 m"}', marks=pytest.mark.slow),
-        '{kind = "rectangle", width = "0.3 m", height = "0.1 m", fillet = "0.05 m"}',
+        pytest.param(
+            '{kind = "rectangle", width = "0.3 m", height = "0.1 m", fillet = "0.05 m"}',
+            marks=pytest.mark.slow,
+        ),
         '{kind = "regular-polygon", sides = 6, long_axis = "0.25 m", fillet = "0.03 m"}',
         '{kind = "spline", points = [["0.1 m", "0 m"], ["0 m", "0.06 m"], ["-0.1 m", "0 m"], '
         '["0 m", "-0.14 m"]]}',

@@ -80,7 +80,7 @@ def uncondensed(model: Model, degree: int, count: int) -> Array:
     ("model", "degree"),
     [
         (film(4, 2), 4),
-        (film(3, 4), 3),
+        pytest.param(film(3, 4), 3, marks=pytest.mark.slow),
         (film(5, 3, taper=20e-9), 3),
         (film(4, 2, radius=1.8e-6), 2),
         (film(1, 5, margin=3e-6), 3),
@@ -179,7 +179,9 @@ def test_condensed_stretching_is_that_of_the_mesh_that_cells_make(model: Model, 
 
 
 @pytest.mark.parametrize(
-    "model", [film(5, 5), film(3, 4, bending=False)], ids=["with bending", "a membrane"]
+    "model",
+    [film(5, 5), pytest.param(film(3, 4, bending=False), marks=pytest.mark.slow)],
+    ids=["with bending", "a membrane"],
 )
 def test_tiled_and_meshed_films_differ_by_less_than_their_errors(model: Model) -> None:
     tiled = solve_modes(model, 5, cache=False)

@@ -29,7 +29,7 @@ def device(outline: str, layers: str, stress: str = "1 GPa", head: str = "") -> 
     return parse(f'name = "layered"\n{head}{outline}{FILM.format(stress=stress)}{layers}')
 
 
-@pytest.mark.parametrize("outline", [SQUARE, DISC])
+@pytest.mark.parametrize("outline", [SQUARE, pytest.param(DISC, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("stress", ["1 GPa", "20 MPa"])
 @pytest.mark.parametrize("poisson", [0.23, 0.42])
 def test_one_material_has_the_frequencies_and_masses_of_the_layers(

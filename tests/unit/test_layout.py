@@ -100,7 +100,7 @@ def ends(model: Model) -> Any:
     "name",
     [
         pytest.param("circle", marks=pytest.mark.slow),
-        "hexagon-278um",
+        pytest.param("hexagon-278um", marks=pytest.mark.slow),
         "trampoline",
         pytest.param("spider-web", marks=pytest.mark.slow),
     ],

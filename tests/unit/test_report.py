@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from femnl.device.geometry import load
 from femnl.pipeline import solve_modes, solve_nonlinearity
 from femnl.report import write_device, write_report
 from femnl.report.benchmarks import benchmarks
-from femnl.report.blind import UNIFORM, blind
+from femnl.report.blind import UNIFORM, Blind, blind
 from femnl.report.published import HEXAGON, SQUARE
 from tests.unit.report_page import CASES, HOSTILE, Written
 
@@ -234,9 +235,15 @@ def test_without_a_blind_study_the_page_says_nothing_of_it(tmp_path: Path) -> No
     assert blind(tmp_path) == []
 
 
+@cache
+def studies() -> list[Blind]:
+    """The studies of the scoreboard, weak and realistic, with their pictures."""
+    return blind(resources.cases())
+
+
 def test_the_figures_of_the_blind_study_count_the_draws_that_its_rates_count() -> None:
     board = json.loads((resources.cases() / "blind.json").read_text(encoding="utf-8"))["weak"]
-    found = blind(resources.cases())[0]
+    found = studies()[0]
     assert len(found.pictures) == 2
     confusion = board["confusion"]
     rates = board["rates"]
@@ -263,7 +270,7 @@ def test_the_figures_of_the_blind_study_count_the_draws_that_its_rates_count() -
 
 def test_the_realistic_study_on_the_page_counts_what_its_board_counts() -> None:
     board = json.loads((resources.cases() / "blind.json").read_text(encoding="utf-8"))["realistic"]
-    found = blind(resources.cases())[1]
+    found = studies()[1]
     assert found.draws == board["draws"]
     assert len(found.pictures) == 3
     assert found.rates[0][:2] == [
