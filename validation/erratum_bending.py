@@ -41,4 +41,5 @@ CASE = Case(
         Reference("f22 − 2 f11 of a film of 102 nm", 249.0, "Hz", absolute=2.5),
     ),
     compute=compute,
+    slow=True,
 )

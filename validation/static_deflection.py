@@ -97,4 +97,5 @@ CASE = Case(
         ),
     ),
     compute=compute,
+    slow=True,
 )

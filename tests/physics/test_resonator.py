@@ -222,7 +222,7 @@ def test_no_critical_point_exists_where_damping_grows_faster_than_stiffness() ->
         critical_point(Resonator(1e6, 1e4, alpha=1e10, nonlinear_damping=1.001 * eta))
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", [pytest.param(1, marks=pytest.mark.slow), -1])
 def test_sweeps_jump_at_the_folds_of_the_curve_and_differ_between_them(sign: int) -> None:
     mode = Resonator(F0, 100, alpha=sign * 0.3)
     force = 2 * critical_point(mode)[0]

@@ -13,13 +13,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 CASES = {
-    "scale": 6,
-    "texts": 8,
-    "labfiles": 16,
-    "layouts": 10,
-    "chips": 6,
-    "bombs": 5,
-    "disk": 5,
+    "scale": 4,
+    "texts": 4,
+    "labfiles": 8,
+    "layouts": 5,
+    "chips": 4,
+    "bombs": 4,
+    "disk": 3,
 }
 """Cases of each class that a few seconds allow."""
 MANY = 300

@@ -127,7 +127,7 @@ def test_a_slope_is_found_and_none_where_there_is_none() -> None:
     assert hierarchy(values(slope=3e-3)).probability("none") < 1e-3
 
 
-@pytest.mark.parametrize("modes", [1, 3])
+@pytest.mark.parametrize("modes", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_predictions_are_as_wrong_as_they_say_with_one_mode_and_with_several(modes: int) -> None:
     """Modes that differ by a fifth of the spread must not hide how far devices scatter."""
     off = []

@@ -293,7 +293,15 @@ def slender(device: Device, aspect: float, angle: float = 0.0, bending: bool = T
     return replace(device(SQUARE, hole), bending=bending)
 
 
-@pytest.mark.parametrize("aspect", [1.3, 2.0, 5.0, 10.0])
+@pytest.mark.parametrize(
+    "aspect",
+    [
+        1.3,
+        pytest.param(2.0, marks=pytest.mark.slow),
+        pytest.param(5.0, marks=pytest.mark.slow),
+        10.0,
+    ],
+)
 def test_edges_along_an_ellipse_leave_it_by_little_anywhere(device: Device, aspect: float) -> None:
     domain = mesh(slender(device, aspect, 20.0), "full")
     rim = Space(domain.mesh, 4).arc_nodes
