@@ -15,6 +15,9 @@ from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.weighing import Weighed
 from femnl.diagnose.worker_pool import Run, in_turn
 
+UNTOUCHED = 1e-5
+"""Part of a block's χ² by which a set that does not touch it may change it, by rounding."""
+
 
 @dataclass(frozen=True)
 class Judgement:
@@ -242,7 +245,8 @@ def _clearly_likelier(weighed: Weighed) -> bool:
 def _takes_up_most(candidate: Candidate, weighed: Weighed) -> bool:
     """Whether a set takes up most of the held-out excess χ², in blocks that hold most of the data.
 
-    The α of a simulated film is a block of its own, but hardly counts beside a sweep.
+    The α of a simulated film is a block of its own, but hardly counts beside a sweep. What a set
+    does not touch, as another measurement of the file, does not count.
     """
     before = weighed.base.result.cross_validation
     after = candidate.result.cross_validation
@@ -251,6 +255,9 @@ def _takes_up_most(candidate: Candidate, weighed: Weighed) -> bool:
     taken = np.array(before.squares) - np.array(after.squares)
     if taken.sum() < weighed.graded.least_share(candidate) * excess.sum():
         return False
-    telling = excess > 0
+    touched = np.abs(taken) > UNTOUCHED * np.array(before.squares)
+    telling = touched & (excess > 0)
+    if not telling.any():
+        return False
     better = np.average(taken[telling] > 0, weights=sizes[telling])
     return bool(better >= THRESHOLDS.most_blocks)

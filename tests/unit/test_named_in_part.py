@@ -1,11 +1,13 @@
 """Causes that are named though something is left: several of them, or one of several alike."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from femnl.core.effect import ParameterSpec
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.readout import Array
 from femnl.diagnose.run import decided
 from femnl.diagnose.verdict import judge
 from femnl.diagnose.weighing import Weighed
@@ -49,6 +51,24 @@ def test_a_block_of_one_datum_counts_as_one_datum() -> None:
     line = cause("line", 1, 0.001)
     model = Level(data, blocks, 1e4, {"any swing": PLACE**3})
     judged = judge([candidate(model), candidate(model, line)])
+    assert (judged.verdict, judged.chosen.names) == ("explained in part", ("line",))
+
+
+class Beside(Level):
+    """A level beside another measurement, which no parameter touches."""
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        mine = np.arange(N) % 6 < 3
+        return np.where(mine, super().residuals(effects, base, values), self.data)
+
+
+def test_another_measurement_says_nothing_of_a_cause_that_it_cannot_show() -> None:
+    """Its noise is a little larger than stated, which the cause does not mend."""
+    noise = np.random.default_rng(20261129).standard_normal(N)
+    other = np.arange(N) % 6 >= 3
+    data = np.where(other, 1.1 * noise, STRONG * PLACE + 8.0 * np.sin(25 * PLACE) + noise)
+    model = Beside(data, np.arange(N) % 6, 1e4, {"any swing": PLACE**3})
+    judged = judge([candidate(model), candidate(model, cause("line", 1, 0.001))])
     assert (judged.verdict, judged.chosen.names) == ("explained in part", ("line",))
 
 
