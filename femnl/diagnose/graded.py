@@ -5,6 +5,7 @@ Every candidate has a discrepancy of unknown size, and so has each of its causes
 
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import permutations
 
 import numpy as np
 
@@ -27,6 +28,8 @@ OF_ONE_RESONANCE = frozenset({"response"})
 """Kinds whose causes all bend one resonance or its background, so that one resembles another: a
 second mode takes up 97 % of a quintic stiffness, a slope 98 % of a Fano line.
 """
+PER_PARAMETER = 1.0
+"""What a needless parameter takes up of χ², on average."""
 LONE = 0.95
 """Part of the squares of what a cause changes, in σ, that makes the datum it is in its only one."""
 ACCURACIES = 2.0
@@ -106,7 +109,8 @@ class Graded:
     def share(self) -> dict[Names, float]:
         """Return the probability of every candidate, with a discrepancy in each of its causes.
 
-        The size of a discrepancy is not known. Candidates that end at a bound are left out.
+        The size of a discrepancy is not known. Candidates that end at a bound are left out. Sets
+        that do the same are told apart by their parameters, as where equations are exact.
         """
         possible = [c for c in self.found if c is self.base or not c.stuck]
         allowed = self.allowed
@@ -118,6 +122,7 @@ class Graded:
         ]
         evidence = np.concatenate(self.run(jobs))
         weights = evidence + odds * np.array([len(c.names) for c in possible])
+        weights = _as_likely_as_richer(possible, weights)
         shares = np.exp(weights - weights.max())
         return {c.names: float(s) for c, s in zip(possible, shares / shares.sum(), strict=True)}
 
@@ -262,6 +267,21 @@ def _acts_on_one(candidate: Candidate, base: Candidate, effect: Effect) -> bool:
         known = layout.datum >= 0
         squares = np.asarray(np.bincount(layout.datum[known], squares[known]), float)
     return bool(squares.max() >= LONE * squares.sum() > 0)
+
+
+def _as_likely_as_richer(possible: list[Candidate], weights: Array) -> Array:
+    """Raise the weight of sets that leave what as many causes with more parameters leave.
+
+    The accuracy of equations says how far data may be from a cause, and not which of two causes
+    that do the same it is: a leak is as accurate as one with a slope that is zero.
+    """
+    raised = weights.copy()
+    for (i, one), (k, richer) in permutations(enumerate(possible), 2):
+        more = richer.result.vector.size - one.result.vector.size
+        needless = one.result.chi2 - richer.result.chi2 <= more * PER_PARAMETER
+        if len(one.names) == len(richer.names) and more > 0 and needless:
+            raised[i] = max(raised[i], weights[k] + max(one.weight - richer.weight, 0.0))
+    return raised
 
 
 def _log_evidences(some: list[Candidate], base: Candidate, allowed: Discrepancy) -> list[float]:

@@ -51,7 +51,7 @@ def weighed(bend: float, accuracy: float) -> Weighed:
 
 
 def candidate(model: Level, *effects: Effect) -> Candidate:
-    start = np.array([0.0, *(1.0 for _ in effects)])
+    start = np.array([0.0, *(1.0 for effect in effects for _ in effect.parameters)])
     return criticise(fit(ExtendedModel(model, effects), start), [])
 
 

@@ -54,6 +54,25 @@ def test_a_block_of_one_datum_counts_as_one_datum() -> None:
     assert (judged.verdict, judged.chosen.names) == ("explained in part", ("line",))
 
 
+def test_a_cause_is_as_likely_as_a_richer_one_that_does_the_same() -> None:
+    """A line that may bend has the more accurate equation, and a bend that is zero."""
+    noise = np.random.default_rng(20261129).standard_normal(N)
+    data = 5 * STRONG * PLACE + 8.0 * np.sin(25 * PLACE) + noise
+    model = Level(data, BLOCKS, 1e4, {"any swing": PLACE**3})
+    line = cause("line", 1, 0.1)
+
+    def bend(value: Array, values: Values) -> Array:
+        return value + values["strength"] * PLACE + values["bend"] * PLACE**2
+
+    (spec,) = line.parameters
+    bent = replace(cause("bent line", 1, 0.02), changes={"placement": bend})
+    bent = replace(bent, parameters=(spec, replace(spec, name="bend")))
+    sets = [candidate(model), candidate(model, line), candidate(model, bent)]
+    assert sets[1].result.chi2 - sets[2].result.chi2 < 1
+    share = Weighed(sets).graded.share
+    assert share["line",] > 10 * share["bent line",]
+
+
 class Beside(Level):
     """A level beside another measurement, which no parameter touches."""
 
