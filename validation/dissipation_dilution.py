@@ -55,4 +55,5 @@ CASE = Case(
         Reference(f"Q/Q_bend ({m},{n})", formula(m, n), relative=BENDING) for m, n in ORDERS
     ),
     compute=compute,
+    slow=True,
 )

@@ -98,6 +98,7 @@ def test_steady_trigger_is_reported_as_an_upper_limit() -> None:
     assert any("upper limit" in note for note in fit.notes)
 
 
+@pytest.mark.slow
 def test_stated_jitter_is_right_to_its_stated_error_over_many_draws() -> None:
     s = 6e-9
     z = []
