@@ -28,8 +28,8 @@ OF_ONE_RESONANCE = frozenset({"response"})
 """Kinds whose causes all bend one resonance or its background, so that one resembles another: a
 second mode takes up 97 % of a quintic stiffness, a slope 98 % of a Fano line.
 """
-PER_PARAMETER = 1.0
-"""What a needless parameter takes up of χ², on average."""
+NEEDLESS_SQUARE = 4.0
+"""What a needless parameter takes up of χ² at most, but for one in twenty."""
 LONE = 0.95
 """Part of the squares of what a cause changes, in σ, that makes the datum it is in its only one."""
 ACCURACIES = 2.0
@@ -270,18 +270,26 @@ def _acts_on_one(candidate: Candidate, base: Candidate, effect: Effect) -> bool:
 
 
 def _as_likely_as_richer(possible: list[Candidate], weights: Array) -> Array:
-    """Raise the weight of sets that leave what as many causes with more parameters leave.
+    """Raise the weight of sets that do what as many causes with more parameters do.
 
-    The accuracy of equations says how far data may be from a cause, and not which of two causes
-    that do the same it is: a leak is as accurate as one with a slope that is zero.
+    To what it is over theirs where equations are exact. The accuracy of equations says how far data
+    may be from a cause, and not which of two causes that do the same it is: a leak is as accurate
+    as one with a slope that is zero.
     """
     raised = weights.copy()
     for (i, one), (k, richer) in permutations(enumerate(possible), 2):
-        more = richer.result.vector.size - one.result.vector.size
-        needless = one.result.chi2 - richer.result.chi2 <= more * PER_PARAMETER
-        if len(one.names) == len(richer.names) and more > 0 and needless:
-            raised[i] = max(raised[i], weights[k] + max(one.weight - richer.weight, 0.0))
+        if len(one.names) == len(richer.names) and _does_the_same(one, richer):
+            raised[i] = max(raised[i], weights[k] + one.weight - richer.weight)
     return raised
+
+
+def _does_the_same(one: Candidate, richer: Candidate) -> bool:
+    """Whether a set has fewer parameters than another, and predicts the same but for noise."""
+    needless = NEEDLESS_SQUARE * (richer.result.vector.size - one.result.vector.size)
+    if abs(one.result.chi2 - richer.result.chi2) > needless or needless <= 0:
+        return False
+    apart = one.result.residuals - richer.result.residuals
+    return bool(apart @ apart <= needless)
 
 
 def _log_evidences(some: list[Candidate], base: Candidate, allowed: Discrepancy) -> list[float]:

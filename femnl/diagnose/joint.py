@@ -1,6 +1,7 @@
 """Several measurements of one device at once: what is physically one is one parameter.
 
-Film and stage are the same for all of a file, so effects on them have one set of parameters; what
+Film and stage are the same for all of a file, so effects on them have one set of parameters, as far
+as measurements count them in the same unit; each driven mode and each decay has its own. What
 belongs to detector and laser has one for each kind of measurement and wavelength. Of the base
 models, maps of one mode at one drive share the amplitude of the motion in metres, and sweeps of one
 mode its linewidth and its response to the drive. Frequencies are not tied to each other: a film
@@ -38,7 +39,7 @@ class JointModel(MeasurementModel):
 
     groups: the model of each measurement by name. names: of each, its base parameters' names here.
     originals: effects as their files state them, by name. places: of a parameter here that belongs
-    to one laser or unit, (effect, name): its own name, and the measurements that have it.
+    to some measurements, (effect, name): its own name, and those measurements.
     """
 
     kind: Kind

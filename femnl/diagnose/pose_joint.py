@@ -162,14 +162,14 @@ def _parameters(
 
     Args: own: the parameters that each measurement that shows the effect gives it.
     """
-    commons: dict[str, set[object]] = {}
+    unlike: dict[str, set[object]] = {}  # modes or decays, by kind
     for group in own:
-        commons.setdefault(groups[group].kind, set()).add(groups[group].common)
+        unlike.setdefault(groups[group].kind, set()).add(groups[group].common)
     sets: dict[object, list[str]] = {}
     for group, specs in own.items():
         one = groups[group]
-        film = one.common if len(commons[one.kind]) > 1 else None
         laser = (one.kind, one.scales.get("wavelength"))
+        film = one.common if len(unlike[one.kind]) > 1 else None
         sets.setdefault((specs, film if effect.shared else laser), []).append(group)
     merged = []
     for members in sets.values():

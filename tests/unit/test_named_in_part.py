@@ -8,6 +8,7 @@ import pytest
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
+from femnl.diagnose.discrepancy import log_evidence
 from femnl.diagnose.run import decided
 from femnl.diagnose.verdict import judge
 from femnl.diagnose.weighing import Weighed
@@ -54,23 +55,35 @@ def test_a_block_of_one_datum_counts_as_one_datum() -> None:
     assert (judged.verdict, judged.chosen.names) == ("explained in part", ("line",))
 
 
-def test_a_cause_is_as_likely_as_a_richer_one_that_does_the_same() -> None:
-    """A line that may bend has the more accurate equation, and a bend that is zero."""
-    noise = np.random.default_rng(20261129).standard_normal(N)
-    data = 5 * STRONG * PLACE + 8.0 * np.sin(25 * PLACE) + noise
-    model = Level(data, BLOCKS, 1e4, {"any swing": PLACE**3})
-    line = cause("line", 1, 0.1)
+def richer(power: int) -> Effect:
+    """A power of the place that may bend, by a more accurate equation than that of `cause`."""
 
     def bend(value: Array, values: Values) -> Array:
-        return value + values["strength"] * PLACE + values["bend"] * PLACE**2
+        return value + values["strength"] * PLACE**power + values["bend"] * PLACE**2
 
-    (spec,) = line.parameters
-    bent = replace(cause("bent line", 1, 0.02), changes={"placement": bend})
-    bent = replace(bent, parameters=(spec, replace(spec, name="bend")))
-    sets = [candidate(model), candidate(model, line), candidate(model, bent)]
-    assert sets[1].result.chi2 - sets[2].result.chi2 < 1
-    share = Weighed(sets).graded.share
-    assert share["line",] > 10 * share["bent line",]
+    like = cause("richer", power, 0.02)
+    (spec,) = like.parameters
+    parameters = (spec, replace(spec, name="bend"))
+    return replace(like, changes={"placement": bend}, parameters=parameters)
+
+
+@pytest.mark.parametrize(("power", "alike"), [(1, True), (3, False)])
+def test_causes_that_do_the_same_are_told_apart_by_their_parameters_alone(
+    power: int, alike: bool
+) -> None:
+    """A line and one that bends by nothing do the same, a line and a cubic do not."""
+    noise = np.random.default_rng(20261129).standard_normal(N)
+    data = 5 * STRONG * PLACE + 8.0 * np.sin(25 * PLACE) + noise
+    model = Level(data, BLOCKS, 1e4, {"any swing": np.sin(5 * PLACE)})
+    sets = [candidate(model, *those) for those in ((), (cause("line", 1, 0.1),), (richer(power),))]
+    weighed = Weighed(sets)
+    odds = np.log(weighed.graded.share["line",] / weighed.graded.share["richer",])
+    line, other = (log_evidence(one, sets[0], weighed.graded.allowed) for one in sets[1:])
+    if alike:
+        assert line < other
+        assert odds == pytest.approx(sets[1].weight - sets[2].weight)
+    else:
+        assert odds == pytest.approx(line - other)
 
 
 class Beside(Level):

@@ -59,7 +59,7 @@ class RecordModel(MeasurementModel):
         """Return the effects on the forces, with ranges and units in volts of the output."""
         found = []
         for effect in library:
-            if "equation" in effect.changes:
+            if self.can_show(effect):
                 specs = []
                 for spec in effect.parameters:
                     if spec.name not in RANGES:
