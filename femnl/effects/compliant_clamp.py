@@ -14,21 +14,41 @@ SPREAD = 0.75
 varies.
 """
 ROUNDS = 8
+STEP = 1e-4
+"""Part of ℓ by which the energy of bending is found."""
 
 
 def loosen(system: ModalSystem, values: Values) -> ModalSystem:
     """Replace the clamp w = 0 by springs of T/δ per length.
 
-    They lengthen the film by atan k(δ − ℓ)/k instead of −atan(kℓ)/k at each edge.
+    They lengthen the film by atan k(δ − ℓ)/k instead of −atan(kℓ)/k at each edge, and the wave is
+    less steep there, so that the layer bends less: its energy is ∂K/∂ln ℓ² with δ as it is.
+    """
+    if values["depth_cubed"] == 0:
+        return system
+    layer = system.bending_length
+    depth = float(layer + np.cbrt(values["depth_cubed"] - layer**3))
+    loose = _between_springs(system, depth)
+    if layer == 0:
+        return replace(system, stiffness=loose)
+    stiffer = system.bent(layer * (1 + STEP))
+    bending = _between_springs(stiffer, depth) - loose
+    clamped = np.diag(stiffer.stiffness - system.stiffness)
+    plain = np.diag(system.stiffness)
+    # What would be K were the part of bending in it as in a film that is clamped
+    followed = bending * np.sqrt(np.outer(plain / clamped, plain / clamped))
+    unfollowed = (loose - followed) - (system.stiffness - np.diag(plain))
+    return replace(system, stiffness=loose, unbent=system.unbent + unfollowed)
 
-    On a rectangle it acts along x and y apart, each a function of the operator −∂² in that
-    direction. What it does to all long waves alike, L → L + 2δ, stays in the speed of waves unless
+
+def _between_springs(system: ModalSystem, depth: float) -> Array:
+    """Return the stiffness (n, n) of a film between springs.
+
+    On a rectangle they act along x and y apart, each a function of the operator −∂² in that
+    direction. What they do to all long waves alike, L → L + 2δ, stays in the speed of waves unless
     that is known. The shear force of the layer at the edge, −Dw‴, stretches δ by 1 + 2ℓ²k².
     """
     layer = system.bending_length
-    depth = float(layer + np.cbrt(values["depth_cubed"] - layer**3))
-    if values["depth_cubed"] == 0:
-        return system
     # Of k² + ℓ²k⁴ = (ω/c)²
     k2 = 2 * system.wavenumber**2 / (1 + np.sqrt(1 + 4 * layer**2 * system.wavenumber**2))
     shear = 4 * depth * layer**2
@@ -51,9 +71,7 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
             )
         )
         factor = (loose + layer**2 * loose**2) / (k2 + layer**2 * k2**2) * common
-        return replace(
-            system, stiffness=system.stiffness + np.diag(np.diag(system.stiffness) * (factor - 1))
-        )
+        return np.asarray(system.stiffness + np.diag(np.diag(system.stiffness) * (factor - 1)))
     root = np.sqrt(np.diag(system.stiffness))
     along = system.projection.slopes[0, :2]
     total = np.sqrt(np.diag(along.sum(axis=0)) / k2)
@@ -71,11 +89,13 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
         ) @ waves.T
     after -= moved * np.add.outer(np.diag(after), np.diag(after))
     changed = (after + layer**2 * after @ after) - (before + layer**2 * before @ before)
-    stiffness = (
-        system.stiffness
-        + np.outer(root, root) / np.outer(system.wavenumber, system.wavenumber) * changed
-    ) * common
-    return replace(system, stiffness=stiffness)
+    return np.asarray(
+        (
+            system.stiffness
+            + np.outer(root, root) / np.outer(system.wavenumber, system.wavenumber) * changed
+        )
+        * common
+    )
 
 
 def _directed(slopes: Array, total: Array) -> tuple[Array, Array]:
@@ -114,7 +134,8 @@ EFFECT = Effect(
         }
     },
     equation="edge w = 0 → −δ ∂w/∂n, δ = T/springs per length: kL + 2 atan k(δ − ℓ) = mπ, less "
-    "2δ/L of all modes where the speed of waves is not known; s = (δ − ℓ)³ + ℓ³",
+    "2δ/L of all modes where the speed of waves is not known; s = (δ − ℓ)³ + ℓ³; "
+    "1/Q ∝ ∂ln ω²/∂ln ℓ² at this δ",
     parameters=(
         ParameterSpec(
             "depth_cubed",
@@ -128,7 +149,8 @@ EFFECT = Effect(
     ),
     changes={"operators": loosen},
     source="string between springs along x and along y, T ∂w/∂n = −(springs) w at its ends: "
-    "w ∝ sin(kx + atan kδ); a stiff one that cannot turn at its ends",
+    "w ∝ sin(kx + atan kδ); a stiff one that cannot turn at its ends, and bends least where "
+    "the wave is least steep, so that short waves gain most in Q",
     limits="an edge alike all around, without mass, that moves and does not turn; its direction is "
     "averaged over but on rectangles. Mode m shifts by ⅓ (mπ)² s/L³ against a wave so long that "
     "L + 2δ is all it sees: δ = 12 nm, a ledge's, shows in no frequency, and a film of 270 µm "

@@ -485,3 +485,38 @@ def test_a_compliant_clamp_holds_a_film_whose_stiffness_keeps_its_edge_from_turn
     exact = loose / clamped
     # What it does to all alike stays in the speed of waves.
     np.testing.assert_allclose(shift / shift[0], exact / exact[0], rtol=0.05 * np.ptp(exact))
+
+
+@pytest.mark.parametrize("depth", [4e-3, 2e-2])
+def test_an_edge_between_springs_bends_its_layer_less(depth: float) -> None:
+    layer = 5e-3
+    clamped = stiff_string(layer, 1e-6)
+    lengths = layer * np.linspace(0.9, 1.1, 7)
+    each = np.array([stiff_string(length, 1e-6) for length in lengths])
+    k2 = (np.sqrt(1 + 4 * lengths[:, None] ** 2 * each) - 1) / (2 * lengths[:, None] ** 2)
+    square = np.zeros((6, 3, 5, 5))
+    square[0, 0] = np.diag(clamped)
+    grid = np.linspace(-0.5, 0.5, 9)
+    projection = Projection(square, np.zeros((6, 5, 5)), 0.5, grid, grid, np.zeros((5, 9, 9)))
+    film = replace(FILM, thickness=1.0, density=FILM.stress)
+    system = ModalSystem(
+        np.diag(clamped),
+        np.eye(5),
+        FILM.stress,
+        film,
+        projection,
+        (1.0, 1e9),
+        layer,
+        np.polynomial.polynomial.polyfit(lengths, k2, 3),
+    )
+    cubed = (depth - layer) ** 3 + layer**3
+    found = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": cubed})
+    followed = np.diag(found.stiffness - found.unbent) / np.diag(found.stiffness)
+    step = 1 + 2e-2
+
+    def share(depth: float) -> Array:
+        by_layer = stiff_string(layer * step, depth) / stiff_string(layer / step, depth)
+        return np.asarray(np.log(by_layer) / (4 * np.log(step)))
+
+    exact = share(depth) / share(1e-6)
+    np.testing.assert_allclose(followed, exact, rtol=0.05 * np.ptp(exact))
