@@ -49,7 +49,7 @@ class DecayBench:
         # To a phase, a mode that leaves the filter shows its drift as well: two causes
         shown = by_chance and "filter_exit" not in causes
         self.phased = bool(set(causes) & set(PHASED)) or shown
-        self.width = rng.uniform(60, 150) / self.whole  # of the filter [Hz]
+        self.width = np.sqrt(2) * rng.uniform(60, 150) / self.whole  # of the filter [Hz]
         self.unit = {"level": 1.0, "decay_rate": self.rate, "floor": 1.0}
         if self.phased:
             self.unit |= {"phase": 1.0, "detuning": 1 / self.whole}
@@ -143,8 +143,8 @@ class DecayBench:
         return np.asarray(fftconvolve(ends, pulse, mode="valid"))
 
     def _pulse(self) -> Array:
-        """Return the pulse of a filter that takes half of the power at half its width."""
-        sd = np.sqrt(np.log(2) / 2) / (np.pi * self.width / 1.0)
+        """Return the pulse of a filter that takes half of the power at half its width, −3 dB."""
+        sd = np.sqrt(np.log(2)) / (np.pi * self.width)
         step = self.interval / STEPS
         half = max(int(REACH * sd / step), 1)
         shape = np.exp(-0.5 * (step * np.arange(-half, half + 1) / sd) ** 2)
