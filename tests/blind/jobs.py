@@ -64,6 +64,15 @@ TURNED = (
 """Parameters that change their sign with the motion, of which a diagnosis gives the one within a
 quarter turn of the drive.
 """
+MIRRORED = {
+    "trace": TURNED,
+    "response": TURNED,
+    "holes": ("stress_anisotropy.anisotropy", "aspect_ratio.elongation"),
+    "spectrum": ("clamp_loss.dipole",),
+}
+"""Parameters whose sign no datum of a kind tells: a mode turned over moves alike, x and y of a
+square without labels are one, and a dipole counts by its square.
+"""
 BASE = {
     "spectrum": ("speed",),
     "holes": (),  # the laboratory's film is 1e-6 too stiff for that, alike for all modes
@@ -219,6 +228,9 @@ def _pulls(
     if case.kind == "decay":
         # It counts in the amplitude where the compared part begins
         known.pop(("nonlinear_damping", "eta"), None)
+    if "compliant_clamp" in truth["causes"]:
+        # What it does to all modes alike, a diagnosis leaves in the speed
+        known.pop(("base", "speed"), None)
     for (owner, spec), value in known.items():
         for name, fitted in found.parameters.get(owner, {}).items():
             if name != spec and not (owner != "base" and name.endswith(f".{spec}")):
@@ -228,12 +240,10 @@ def _pulls(
                 # Without a drive, the other side of an extremum of the reflection is as good
                 continue
             away = fitted.value - value
-            if whole in TURNED:
-                away = (
-                    abs(fitted.value) - abs(value)
-                    if case.kind == "trace"
-                    else fitted.value - turn * value
-                )
+            if whole in MIRRORED.get(case.kind, ()):
+                away = abs(fitted.value) - abs(value)
+            elif whole in TURNED:
+                away = fitted.value - turn * value
             if whole in FRINGE:
                 away -= FRINGE[whole] * round(away / FRINGE[whole])
             if fitted.sd > 0:
