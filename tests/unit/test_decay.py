@@ -242,6 +242,25 @@ def test_a_beating_pair_gives_splitting_and_the_quality_factor_of_the_stronger(
     assert fit["quality_factor"] == pytest.approx(QUALITY, rel=0.01)
 
 
+@pytest.mark.parametrize(("size", "periods"), [(0.1, 3.0), (0.1, 6.0), (0.3, 4.0), (0.03, 5.0)])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_decay_into_a_leak_gives_the_rate_of_the_mode(
+    size: float, periods: float, seed: int
+) -> None:
+    """Beats are as long as pieces of the decay, and no floor is below."""
+    time, _, begin = record(0, length=15.0)
+    after = time[begin:] - time[begin]
+    splitting = periods / after[-1]
+    leak = size * np.exp(2j * np.pi * splitting * after + 2.5j)
+    time, power, _ = record(seed, np.exp(-RATE * after / 2) + leak, length=15.0)
+    found = fit_decay(measurement.decay(time, power), frequency=TONE).fit
+    rate = found.parameters["decay_rate"]
+    assert rate.value == pytest.approx(RATE, rel=0.02)
+    assert abs(rate.value - RATE) < 4 * rate.sd
+    assert abs(found.parameters["splitting"].value) == pytest.approx(splitting, rel=0.01)
+    assert "tone that stays" in found.notes[0]
+
+
 @pytest.mark.parametrize(("ratio", "beats"), [(0.8, 1.5), (0.95, 3.2)])
 def test_beats_of_nearly_equal_modes_are_a_pair(ratio: float, beats: float) -> None:
     """Their dips are deeper than any scatter about one line."""

@@ -89,6 +89,20 @@ def test_a_leak_of_the_drive_is_named_with_its_size(tmp_path: Path) -> None:
     assert np.linalg.norm(parts) == pytest.approx(0.053, rel=0.1)
 
 
+@pytest.mark.parametrize("periods", [4, 6.5])
+def test_beats_as_long_as_the_decay_are_a_leak_of_the_drive(
+    periods: float, tmp_path: Path
+) -> None:
+    """No piece of such a record is the decay, and its noise is not that of the leak."""
+    offset = periods / AFTER[-1]
+    found = told(tmp_path, 5, PLAIN + 0.15 * np.exp(2j * np.pi * offset * AFTER + 2j))
+    assert (found.verdict, found.causes) == ("explained", ("feed_through",)), found.where
+    assert found.p_value < 1e-300
+    assert 0.7 < found.after.chi2_reduced < 1.3
+    assert abs(pull(found, "feed_through", "offset", offset)) < 4
+    assert abs(pull(found, "base", "decay_rate", RATE)) < 4
+
+
 def test_a_frequency_that_leaves_the_filter_is_named(tmp_path: Path) -> None:
     pace = (2.5 / AFTER[-1]) ** 2
     found = told(tmp_path, 6, PLAIN * np.exp(-0.5 * pace * AFTER**2))

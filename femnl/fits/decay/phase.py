@@ -10,8 +10,11 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.fits.decay.compared import FEWEST_BLOCKS, Compared
 from femnl.fits.decay.fluctuation import Fluctuating, fluctuation, whitening
+from femnl.fits.decay.stretch import Found
 from femnl.fits.decay.window import Window
 from femnl.observe.decay.blocks import Blocks, Whitening, part_of
+from femnl.observe.decay.law import turned_by_pair
+from femnl.observe.decay.record import PowerRecord
 
 Array = NDArray[np.float64]
 ACROSS = 4.0
@@ -32,7 +35,11 @@ class Phase:
 
 
 def phase_of(
-    dataset: xr.Dataset, seen: Window, data: Compared, checkpoint: Checkpoint | None
+    dataset: xr.Dataset,
+    record: PowerRecord,
+    seen: Window,
+    data: Compared,
+    checkpoint: Checkpoint | None,
 ) -> Phase | None:
     """Return the phase as long as the signal is strong, None where none was recorded."""
     if "real" not in dataset or "imag" not in dataset:
@@ -48,13 +55,14 @@ def phase_of(
     volts = (dataset["real"].values + 1j * dataset["imag"].values)[np.asarray(known)]
     angle = np.unwrap(np.angle(volts[seen.used][:points]))
     values = blocks.mean(angle)
+    time = record.time[seen.used][:points]
     # Of the noise behind the filter, half is across the amplitude
     share = 1 / (1 + np.exp(-data.log_ratio[chosen]))
     turning = Fluctuating(
         blocks=blocks,
         time=data.time[:points],
         interval=data.interval,
-        values=values,
+        values=values - _beating(seen.found, time, blocks, values),
         share=share,
         read_share=np.ones(count),
         averages=ACROSS,
@@ -70,3 +78,20 @@ def phase_of(
     )
     noise = whitening(matrix)
     return Phase(blocks, values, noise, base, np.array([begin, slope / (2 * np.pi)]))
+
+
+def _beating(found: Found, time: Array, blocks: Blocks, values: Array) -> Array:
+    """Return what a pair turns of the phase (n,) [rad] where it beats, else 0: it is no noise.
+
+    The power does not tell which of both turns faster; what leaves less beside a line does.
+    """
+    if "pair" not in found.likelihood.terms:
+        return np.zeros(len(values))
+    turned = blocks.mean(turned_by_pair(found.named, time - found.stretch.begin))
+    line = np.stack([np.ones(len(values)), blocks.time], axis=1)
+
+    def left(sign: float) -> float:
+        away = values - sign * turned
+        return float(np.sum((away - line @ np.linalg.lstsq(line, away, rcond=None)[0]) ** 2))
+
+    return np.asarray(min((1.0, -1.0), key=left) * turned)

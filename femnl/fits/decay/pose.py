@@ -21,6 +21,7 @@ from femnl.observe.decay.blocks import (
     drifting,
     normal_scale,
 )
+from femnl.observe.decay.law import log_signal
 from femnl.observe.decay.model import DecayModel
 from femnl.observe.decay.record import DB, PowerRecord, power_record
 from femnl.observe.film import SimulatedFilm
@@ -65,7 +66,7 @@ def pose(
     # Between signal and noise, smooth bends are not smooth in ln p
     strong = (data.log_ratio > CLEAR) | ~data.of_decay
     scale = normal_scale(data.smooth, np.exp(data.log_ratio), np.zeros_like(share))
-    values = data.smooth + scale.data(data.middle)
+    values = data.smooth + scale.data(data.middle) - _beating(record, seen, data)
     power = Fluctuating(
         blocks=data.blocks,
         time=data.time,
@@ -82,7 +83,7 @@ def pose(
     noise = noise + drifting(data.blocks, share, GAIN / DB, SLOW * whole)
     base, start = _base(record, seen, data)
     scales = _scales(seen, data)
-    phase = phase_of(dataset, seen, data, checkpoint)
+    phase = phase_of(dataset, record, seen, data, checkpoint)
     # A phase is followed from point to point
     time, blocks = nodes(data) if phase is None else (data.time, data.blocks)
     if phase is not None:
@@ -109,6 +110,19 @@ def pose(
         notes=_notes(record, seen, data, wander),
         left_out=listed(record, seen.interruptions),
     )
+
+
+def _beating(record: PowerRecord, seen: Window, data: Compared) -> Array:
+    """Return ln of the power (n_blocks,) as fitted where it beats, else 0: deep beats are no noise.
+
+    Beats of another part of the record say nothing.
+    """
+    if "pair" not in seen.found.likelihood.terms:
+        return np.zeros(len(data.middle))
+    values = seen.found.named
+    time = record.time[seen.used] - seen.found.stretch.begin
+    power = np.exp(log_signal(values, time).real) + np.exp(values["floor"])
+    return np.asarray(np.log(data.blocks.mean(power)))
 
 
 def _base(

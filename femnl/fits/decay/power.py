@@ -9,7 +9,7 @@ import xarray as xr
 from femnl.core.decay import DecayFit
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.decay.stretch import Found, choose
+from femnl.fits.decay.stretch import RATE_SIGMAS, Found, choose
 from femnl.fits.held import Held, hold_fixed
 from femnl.observe.decay.law import UNITS, Array, Term
 from femnl.observe.decay.naming import phases
@@ -25,6 +25,12 @@ TERM_NOTES: Mapping[Term, str] = {
     "is taken as tuned to 0.1 dB at the begin of the decay, which limits the error",
 }
 """What is said of each term of the law."""
+LEAK_NOTE = (
+    "the power beats with a tone that stays, as where a drive leaks on; the quality factor is that "
+    "of the mode that decays into it"
+)
+STAYS = 0.05
+"""Rate of a partner, in parts of the mode's, up to which it is a tone that stays."""
 TUNED_WITHIN = 0.1
 """dB that the filter may take from a mode that an analyser was tuned to by its peak."""
 
@@ -195,9 +201,20 @@ def _floor_left_out(segmentation: Segmentation) -> float | None:
     return below[0].begin if below else None
 
 
+def _leaks(found: Found) -> bool:
+    """Whether what a decay beats with does not decay itself."""
+    if "pair" not in found.likelihood.terms:
+        return False
+    place = found.likelihood.names.index("partner_rate")
+    rate = float(found.values[place])
+    error = RATE_SIGMAS * float(np.sqrt(found.covariance[place, place]))
+    return rate < STAYS * found.values[1] or bool(rate < error < found.values[1])
+
+
 def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> list[str]:
     """Say what was left out, assumed, and not seen."""
-    notes = [TERM_NOTES[term] for term in found.likelihood.terms]
+    leaks = _leaks(found)
+    notes = [LEAK_NOTE] if leaks else [TERM_NOTES[term] for term in found.likelihood.terms]
     decay = [segmentation.pieces[k] for k in segmentation.decay]
     inside = (record.time >= decay[0].begin) & (record.time <= decay[-1].end)
     missed = inside & ~found.stretch.used
@@ -214,12 +231,13 @@ def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> lis
             f"noise is correlated over {found.correlation:.3g} points; the errors allow for it"
         )
     later = _floor_left_out(segmentation)
-    if later is not None and "exit" not in found.likelihood.terms:
+    bent = leaks or "exit" in found.likelihood.terms
+    if later is not None and not bent:
         notes.append(
             f"the floor from {later:.4g} s on is not fitted: the power does not come to it along "
             "the decay; the fitted floor may differ from it"
         )
-    elif not segmentation.floor and "exit" not in found.likelihood.terms:
+    elif not segmentation.floor and not bent:
         notes.append("the record ends before the decay reaches a floor")
     if segmentation.recorded < len(record.time):
         end = record.time[segmentation.recorded]

@@ -1,11 +1,12 @@
 """The stretch of a record that is fitted, and the law that it needs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femnl.fits.decay.leak import over_a_leak, pair_start
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING, Likelihood, averages_of, start_values
 from femnl.fits.decay.periods import at_cycles
 from femnl.fits.decay.readout import beats
@@ -80,13 +81,20 @@ class Found:
     covariance: Array
     correlation: float
 
+    @property
+    def named(self) -> dict[str, float]:
+        """The parameters by name, rates and frequencies in SI, powers in ln over the reference."""
+        values = self.values * self.likelihood.units
+        return dict(zip(self.likelihood.names, values.tolist(), strict=True))
+
 
 def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentation, Found]:
     """Fit a straight decay, and with the terms that its record needs.
 
     Nonlinear damping is tried on the decay and the steeper pieces before it, an exit from the
     filter on the decay and the steeper pieces after it, a pair on what is one decay where beats are
-    taken for scatter. Each is compared with a straight decay of the same data.
+    taken for scatter, and on all that follows the switch-off where that beats with a leak. Each is
+    compared with a straight decay of the same data.
     """
     straight = fit_stretch(record, segmentation, stretch_of(record, segmentation))
     before = steeper_before(segmentation)
@@ -101,7 +109,7 @@ def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentatio
         tried.append(("exit", replace(segmentation, decay=whole, floor=floor)))
     best = (LEAST_EVIDENCE, segmentation, straight)
     for term, longer in tried:
-        best = _better(record, longer, term, (), best)
+        best = _better(record, longer, term, (), best, _shows)
     for part in TOPS:
         ahead = max(int(part * len(record.time)), 1)
         coarse = find_decay(record.time, record.power, BEAT_RESOLUTION, ahead)
@@ -111,7 +119,11 @@ def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentatio
         if ahead == 1 or beats(record.time[inside], record.power[inside], *DEEP):
             start = _beat(record, coarse)
             if start is not None:
-                best = _better(record, coarse, "pair", start, best)
+                best = _better(record, coarse, "pair", start, best, _shows)
+    leaking = over_a_leak(record, segmentation)
+    if leaking is not None:
+        with_leak, leak = leaking
+        best = _better(record, with_leak, "pair", pair_start(leak), best, _follows)
     return best[1:]
 
 
@@ -129,13 +141,18 @@ Best = tuple[float, Segmentation, Found]
 
 
 def _better(
-    record: PowerRecord, pieces: Segmentation, term: Term, start: Sequence[float], best: Best
+    record: PowerRecord,
+    pieces: Segmentation,
+    term: Term,
+    start: Sequence[float],
+    best: Best,
+    shows: Callable[[Found, Found], bool],
 ) -> Best:
     """Return a fit with one term where its evidence is better, else the best so far."""
     bent = fit_stretch(record, pieces, stretch_of(record, pieces), term, start)
     plain = fit_stretch(record, pieces, bent.stretch)
     evidence = _evidence(plain, bent)
-    if evidence > best[0] and _shows(plain, bent):
+    if evidence > best[0] and shows(plain, bent):
         return evidence, pieces, bent
     return best
 
@@ -178,10 +195,22 @@ def _shows(plain: Found, bent: Found) -> bool:
 
     A term must also leave a decay of its own to the mode.
     """
-    known = bent.values[1] > RATE_SIGMAS * np.sqrt(bent.covariance[1, 1])
     if bent.likelihood.terms == ("damping",) and bent.values[-1] > 0.99 * STRONGEST_DAMPING:
         return False
-    return bool(known) and THRESHOLDS.wobble < wander(plain) > 2 * wander(bent)
+    return _rings_down(bent) and THRESHOLDS.wobble < wander(plain) > 2 * wander(bent)
+
+
+def _follows(_: Found, bent: Found) -> bool:
+    """Whether a decay over a leak is followed as closely as any, up to the end of a record.
+
+    Without the leak, a fit takes the beats for a floor, and wanders about nothing.
+    """
+    return _rings_down(bent) and wander(bent) < THRESHOLDS.wander
+
+
+def _rings_down(found: Found) -> bool:
+    """Whether the rate of a decay is seen."""
+    return bool(found.values[1] > RATE_SIGMAS * np.sqrt(found.covariance[1, 1]))
 
 
 def wander(found: Found) -> float:

@@ -103,7 +103,8 @@ def window(record: PowerRecord) -> Window:
     """
     fine = segment(record.time, record.power)
     chosen, found = choose(record, fine)
-    members = _members(record, fine, chosen)
+    whole = found.likelihood.terms == ("pair",) and chosen.decay[-1] == len(chosen.pieces) - 1
+    members = chosen if whole else _members(record, fine, chosen)
     if members.pieces is not chosen.pieces:
         # The law of a part of the beats says nothing of the noise
         found = fit_stretch(record, members, stretch_of(record, members))

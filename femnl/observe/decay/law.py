@@ -57,12 +57,24 @@ def log_signal(values: Mapping[str, complex], time: Array) -> Numbers:
     return np.asarray(found)
 
 
+def turned_by_pair(values: Mapping[str, float], time: Array) -> Array:
+    """Return the phase [rad] (n,) by which a second mode turns the sum of both, without jumps."""
+    size, angle = _partner(values, time)
+    return np.asarray(np.unwrap(np.angle(1 + size * np.exp(1j * angle))))
+
+
+def _partner(values: Mapping[str, complex], time: Array) -> tuple[Numbers, Numbers]:
+    """Return amplitude and phase [rad] (n,) of a second mode, seen from the first one."""
+    size = values["partner"] * np.exp((values["decay_rate"] - values["partner_rate"]) * time / 2)
+    angle = 2 * np.pi * values["splitting"] * time + values["partner_phase"]
+    return np.asarray(size), np.asarray(angle)
+
+
 def _beat(values: Mapping[str, complex], time: Array) -> Numbers:
     """Return the logarithm of what a second mode does to the power, 0 at the begin."""
     ratio = values["partner"]
     phase = values["partner_phase"]
-    size = ratio * np.exp((values["decay_rate"] - values["partner_rate"]) * time / 2)
-    angle = 2 * np.pi * values["splitting"] * time + phase
+    size, angle = _partner(values, time)
     # |1 + s e^{iα}|² written without |·|, which has no complex derivative.
     beat = 1 + 2 * size * np.cos(angle) + size**2
     return np.asarray(np.log(beat) - np.log(1 + 2 * ratio * np.cos(phase) + ratio**2))
