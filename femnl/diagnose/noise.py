@@ -18,6 +18,8 @@ COINCIDENCE = 0.01
 """Probability of as many pairs of glitches at one condition, below which they are no glitches."""
 ALIKE = np.radians(12)
 """Angle between the deviations of a pair, or their opposites, up to which they are of one phase."""
+SIZES = 10.0
+"""Factor within which their sizes are: a datum beside a large glitch may stand out a little."""
 
 
 def found_noise(
@@ -151,8 +153,8 @@ def _median(values: Array, present: NDArray[np.bool_]) -> Array:
 def _recurring(layout: Layout, datum: NDArray[np.int64], beside: Array) -> NDArray[np.int64]:
     """Return those data that others, of the same or the next conditions, deviate along with.
 
-    What a model lacks at a condition has one phase in all lines, or the opposite one; that of
-    glitches is random. There are none where chance brings as many together.
+    What a model lacks at a condition has one phase in all lines, or the opposite one, and sizes of
+    one order; those of glitches are random. There are none where chance brings as many together.
 
     Args: beside (n,): residuals less the median of those around each.
     """
@@ -163,8 +165,10 @@ def _recurring(layout: Layout, datum: NDArray[np.int64], beside: Array) -> NDArr
     condition[layout.datum[layout.datum >= 0]] = layout.repeated[layout.datum >= 0]
     mine = condition[datum]
     away = np.array([beside[layout.datum == d] for d in datum])
-    away /= np.linalg.norm(away, axis=1, keepdims=True)
-    alike = np.abs(away @ away.T) >= np.cos(ALIKE)
+    size = np.linalg.norm(away, axis=1, keepdims=True)
+    away /= size
+    alike = (np.abs(away @ away.T) >= np.cos(ALIKE)) & (size <= SIZES * size.T)
+    alike &= alike.T
     by_phase = 2 * ALIKE / np.pi if away.shape[1] == 2 else 1.0
     apart = np.abs(mine[:, None] - mine[None, :])
     placed = mine >= 0

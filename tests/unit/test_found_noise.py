@@ -230,3 +230,14 @@ def test_glitches_of_any_phase_are_glitches_and_what_has_one_phase_is_none() -> 
         residuals[at + n] += volts.imag
         found = found_noise(residuals, both_quadratures(), FoundNoise()).glitches
         assert set(found) == (set(at) | set(at + n) if phases == "any" else set())
+
+
+def test_a_large_glitch_is_one_beside_a_small_deviation_of_its_phase() -> None:
+    n = SWEEPS * POINTS
+    at = np.array([2 * POINTS + 60, 7 * POINTS + 61])
+    residuals = np.random.default_rng(13).standard_normal(2 * n)
+    volts = np.array([128.0, 9.0]) * np.exp(1.8j)
+    residuals[at] += volts.real
+    residuals[at + n] += volts.imag
+    found = found_noise(residuals, both_quadratures(), FoundNoise()).glitches
+    assert {at[0], at[0] + n} <= set(found)
