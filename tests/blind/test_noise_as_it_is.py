@@ -209,3 +209,11 @@ def test_a_cause_that_fits_and_is_hardly_likelier_than_noise_is_told_so(tmp_path
     assert fitted.p_value > 0.05
     assert fitted.against == ("is hardly likelier than the base model",)
     assert found.nearest.endswith("against it: is hardly likelier than the base model")
+
+
+@pytest.mark.slow
+def test_a_strong_leak_at_two_places_does_not_turn_the_phase(tmp_path: Path) -> None:
+    draw = Draw("response", ("crosstalk",), "exact", "square-270um", 13765536)
+    make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc", effects=[library()["crosstalk"]])
+    assert (found.verdict, found.causes) == ("explained", ("crosstalk",))

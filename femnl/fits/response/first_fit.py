@@ -53,7 +53,13 @@ def first_fit(
 
     def find() -> tuple[Array, Array]:
         sign = sign_of_phase(clear, first_layout(clear, "complex"))
-        fitted, background, clearest = _fitted(dataset, sign, place, clear.reference)
+        fitted, background, clearest = first = _fitted(dataset, sign, place, clear.reference)
+        if clearest.chi2_reduced > BENT:
+            # Beside a strong leak, few fits tell the sign of the phase wrongly
+            other = _fitted(dataset, -sign, place, clear.reference)
+            if other[2].chi2_reduced < clearest.chi2_reduced / BENT:
+                sign, first = -sign, other
+            fitted, background, clearest = first
         weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
         hidden = background > 0 or weak is not None
         shown = weak or fitted
