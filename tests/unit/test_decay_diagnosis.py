@@ -90,9 +90,7 @@ def test_a_leak_of_the_drive_is_named_with_its_size(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("periods", [4, 6.5])
-def test_beats_as_long_as_the_decay_are_a_leak_of_the_drive(
-    periods: float, tmp_path: Path
-) -> None:
+def test_beats_as_long_as_the_decay_are_a_leak_of_the_drive(periods: float, tmp_path: Path) -> None:
     """No piece of such a record is the decay, and its noise is not that of the leak."""
     offset = periods / AFTER[-1]
     found = told(tmp_path, 5, PLAIN + 0.15 * np.exp(2j * np.pi * offset * AFTER + 2j))
