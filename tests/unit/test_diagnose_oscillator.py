@@ -5,11 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femnl import measurement
 from femnl.core.checkpoint import open_checkpoint
 from femnl.core.comparison import Curves
 from femnl.core.effect import Effect, ParameterSpec
 from femnl.core.errors import MeasurementError, ParameterError
+from femnl.diagnose import diagnose
 from femnl.diagnose.freeform import fitted_forms
+from femnl.effects import library
 from femnl.fits.least_squares import fit
 from femnl.fits.record.pose import pose as pose_record
 from femnl.observe.extended import ExtendedModel
@@ -99,6 +102,22 @@ def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its
     assert found.chi2 / found.degrees == pytest.approx(1.0, abs=0.15)
     base, _ = found.model.split(found.vector)
     assert base["alpha"] == pytest.approx(4.3, rel=2e-3)
+
+
+def test_a_quintic_force_larger_than_the_linear_one_is_found(tmp_path: Path) -> None:
+    """The base model takes half of it for a weaker cubic force, which says nothing of its range."""
+    rng = np.random.default_rng(2)
+    bench = RecordBench(rng)
+    truth = {"frequency": 73.2, "linewidth": 9.4, "stiffness": 1.13, "offset": 4e-4, "alpha": 3.5}
+    hidden = {"quintic_stiffness": {"alpha5": -5.3}}
+    groups = bench.measured(truth, hidden, rng)
+    largest = float(np.abs(groups["record"]["voltage"]).max())
+    assert 5.3 * largest**4 > 1.1
+    measurement.write(measurement.bundle(groups), tmp_path / "a.nc")
+    found = diagnose(tmp_path / "a.nc", effects=[library()["quintic_stiffness"]])
+    assert (found.verdict, found.causes) == ("explained", ("quintic_stiffness",))
+    alpha5 = found.parameters["quintic_stiffness"]["alpha5"]
+    assert abs(alpha5.value + 5.3) < 4 * alpha5.sd < 0.2
 
 
 @pytest.mark.slow

@@ -26,9 +26,13 @@ DRAWN = 400
 RANGES = {
     "kappa2": ("V^-1", 1.0, "slope"),
     "eta": ("V^-2", 100.0, "curvature"),
-    "alpha5": ("V^-4", 1.0, "curvature_square"),
+    "alpha5": ("V^-4", 3.0, "curvature_square"),
 }
-"""Unit, size and scale of the effects' parameters where the output in volts stands for metres."""
+"""Unit, size and scale of the effects' parameters where the output in volts stands for metres.
+
+A force of fifth order is at most three times the linear one at the largest output, where one of
+third order is at most five times that.
+"""
 
 
 @dataclass(frozen=True, eq=False)
