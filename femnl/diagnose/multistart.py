@@ -36,6 +36,8 @@ PROMISING = 2.0
 """Starts that are fitted to the end, the best by then, and what they may leave of χ² over what the
 best of them does.
 """
+MUCH = 2.0
+"""χ² per degree of freedom from which on an effect is fitted with its other whole numbers, too."""
 FEW = 0.01
 MOSTLY = 0.3
 """Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump:
@@ -79,10 +81,33 @@ def _extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]])
         far_starts = scan(result, effect)[:REFINED]
         starts += [model.pack(far.base, [*earlier, far.values]) for far in far_starts]
     # A few evaluations do not separate what predicts alike.
-    return [
+    found = [
         *_finished(model, starts, result, FAR),
         *(fit(model, start, near=result) for start in elsewhere),
     ]
+    return [*found, *_of_other_numbers(model, result, found, starts)]
+
+
+def _of_other_numbers(
+    model: ExtendedModel, result: FitResult, found: list[FitResult], starts: list[Array]
+) -> list[FitResult]:
+    """Fit from the first start of every whole number that no fit has, where all leave much.
+
+    As which mode is the partner: no fit leads from one to the next, and the right one may be slow
+    to gain where the base model is far off. There are none beside other causes.
+    """
+    whole = [i for i, (_, spec) in enumerate(model.parameters) if spec.whole]
+    much = all(one.chi2 > MUCH * one.degrees for one in found)
+    if not whole or not much or not tangents_mislead(result):
+        return []
+    known = {tuple(np.rint(one.vector[whole])) for one in found}
+    others = []
+    for start in starts:
+        number = tuple(np.rint(start[whole]))
+        if number not in known:
+            known.add(number)
+            others.append(fit(model, start, near=result))
+    return others
 
 
 def seekable_elsewhere(result: FitResult, library: list[Effect]) -> list[Effect]:

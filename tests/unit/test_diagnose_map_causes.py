@@ -180,3 +180,14 @@ def test_a_strong_partner_is_found_from_other_amplitudes(tmp_path: Path) -> None
     assert near.chi2 > 10 * near.degrees
     found = {candidate.names: candidate.result for candidate in search(model, effects)}
     assert found["doublet",].chi2 < 1.2 * found["doublet",].degrees
+
+
+def test_a_strong_partner_is_found_though_others_gain_sooner(tmp_path: Path) -> None:
+    """It moves the lobes, so that the fit without it lies at an end of the stage."""
+    truth = {"partner": 1.0, "in_phase": 0.494, "quadrature": -0.0775}
+    base = {"amplitude": 4.114e-7, "theta": 1.2533, "phase": -1.4848, "x": -8.5e-8, "y": 6.6e-7}
+    path = written(tmp_path, {"doublet": truth}, np.random.default_rng(1), BASE | base)
+    found = diagnose(path, effects=[library()["doublet"]])
+    assert (found.verdict, found.causes) == ("explained", ("doublet",))
+    own = found.parameters["doublet"]
+    assert abs(own["in_phase"].value) == pytest.approx(0.494, abs=4 * own["in_phase"].sd)
