@@ -7,9 +7,9 @@ from typing import TypeVar
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
+from femnl.diagnose.best_starts import FAR, REFINED
 from femnl.diagnose.candidate import Candidate, job, names_of
 from femnl.diagnose.global_starts import Start, look_over, scan, scan_beside
-from femnl.diagnose.multistart import FAR, REFINED
 from femnl.diagnose.search_rules import saturates
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Run

@@ -1,14 +1,15 @@
 """How a model is fitted with one more effect.
 
-From every place that promises much, over jumps, and again beside later ones.
+From every place that promises much, and again beside later ones.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
+from femnl.diagnose.best_starts import FAR, REFINED, ROUGH, finished
 from femnl.diagnose.global_starts import centres, scan
 from femnl.diagnose.part_of_data import best_in_all, in_part
 from femnl.diagnose.score_tests import score_tests, tangents_mislead, unlike
@@ -16,11 +17,6 @@ from femnl.fits.least_squares import FitResult, fit, improve
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.model import scale_of
 
-ROUGH = 4
-FAR = 8
-"""Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the
-shape of an effect or from afar.
-"""
 SAME = 1e-9
 """Relative difference of χ² up to which two starts predict the same."""
 ABSURD = 10.0
@@ -31,22 +27,8 @@ FEW_PARAMETERS = 3
 """Parameters, but for whole numbers, up to which an effect is sought by rays wherever tangents
 mislead.
 """
-REFINED = 2
-PROMISING = 2.0
-"""Starts that are fitted to the end, the best by then, and what they may leave of χ² over what the
-best of them does.
-"""
 MUCH = 2.0
 """χ² per degree of freedom from which on an effect is fitted with its other whole numbers, too."""
-FEW = 0.01
-MOSTLY = 0.3
-"""Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump:
-points on the wrong side of it.
-"""
-KICKS = (-0.03, -0.01, -0.003, -0.001, 0.001, 0.003, 0.01, 0.03)
-"""Relative changes of what moves a jump by which such a fit is led over it."""
-PARTS = np.geomspace(1 / 200, 1, 120)
-"""Parts of their range at which parameters that move data of their own are sought."""
 SEED = 1e-4
 STEPS_BACK = 12
 """Least part of its range at which the fit of a strength starts, and how often a start is brought
@@ -82,7 +64,7 @@ def _extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]])
         starts += [model.pack(far.base, [*earlier, far.values]) for far in far_starts]
     # A few evaluations do not separate what predicts alike.
     found = [
-        *_finished(model, starts, result, FAR),
+        *finished(model, starts, result, FAR),
         *(fit(model, start, near=result) for start in elsewhere),
     ]
     return [*found, *_of_other_numbers(model, result, found, starts)]
@@ -132,7 +114,7 @@ def extended_elsewhere(result: FitResult, effect: Effect) -> FitResult:
         starts += [
             model.pack(far.base, [*earlier, far.values]) for far in scan(there, effect)[:REFINED]
         ]
-    return best_in_all(_finished(model, starts, part, FAR), result)
+    return best_in_all(finished(model, starts, part, FAR), result)
 
 
 def _no_worse(
@@ -215,11 +197,6 @@ def _replaced(result: FitResult, effect: Effect) -> list[FitResult]:
     return [fit(model, vector, near=result) for _, vector in rough[:REFINED]]
 
 
-def sought_beyond(result: FitResult) -> FitResult | None:
-    """Fit from beyond the jumps of the data, and from the best of the independent blocks."""
-    return min([*_over_jumps(result), *_from_all_over(result)], key=lambda s: s.chi2, default=None)
-
-
 def sought_again(result: FitResult, k: int) -> FitResult | None:
     """Seek effect k anew beside the others.
 
@@ -251,14 +228,14 @@ def _sought_again(result: FitResult, k: int) -> list[FitResult]:
             if test.effect is not None and test.gain > 0
         ]
         ranked = sorted(mine, key=lambda test: -test.gain)
-        found += _finished(
+        found += finished(
             model,
             (model.pack(start, [*kept[:k], test.values, *kept[k:]]) for test in unlike(ranked)),
             result,
             FAR,
         )
     if model.base_model.needs_global_search:
-        found += _finished(
+        found += finished(
             model,
             (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)),
             result,
@@ -269,73 +246,3 @@ def _sought_again(result: FitResult, k: int) -> list[FitResult]:
 def _continuous(effect: Effect) -> int:
     """Return how many parameters of an effect are no whole numbers."""
     return sum(not spec.whole for spec in effect.parameters)
-
-
-def _finished(
-    model: ExtendedModel, starts: Iterable[Array], near: FitResult, most: int = ROUGH
-) -> list[FitResult]:
-    """Fit to the end from every start, or from the most promising ones where there are many.
-
-    Args: most: evaluations that a start gets before the most promising are chosen; near: a solution
-    whose tangents tell what steps suit the parameters.
-    """
-    chosen = list(starts)
-    if len(chosen) > REFINED:
-        rough = sorted(
-            (improve(model, start, most, near) for start in chosen), key=lambda found: found[0]
-        )
-        worth = [vector for chi2, vector in rough if chi2 <= PROMISING * rough[0][0]]
-        chosen = worth[:REFINED]
-    return [fit(model, start, near=near) for start in chosen]
-
-
-def _over_jumps(result: FitResult) -> list[FitResult]:
-    """Fit from beyond the jumps of the data, where few points leave most of what is left."""
-    largest = np.sort(result.residuals**2)[::-1][: max(1, int(FEW * len(result.residuals)))]
-    if np.sum(largest) < MOSTLY * (result.chi2 - result.degrees):
-        return []
-    base, values = result.model.split(result.vector)
-    starts = [
-        base | {name: base[name] * (1 + kick)}
-        for name in result.model.base_model.jumps
-        for kick in KICKS
-    ]
-    return _finished(result.model, (result.model.pack(start, values) for start in starts), result)
-
-
-def _from_all_over(result: FitResult) -> list[FitResult]:
-    """Fit from where the parameters of independent blocks suit their data best.
-
-    They are scanned over all their range, angles turned by half or not.
-
-    Without the effects each of them may have come to rest in a valley of its own, as the amplitude
-    at a step of a trace whose harmonics are worn down: a small one looks much like a large one, and
-    no tangent leads from the one to the other.
-    """
-    model = result.model
-    base_model = result.model.base_model
-    places = {spec.name: i for i, (owner, spec) in enumerate(model.parameters) if owner == "base"}
-    lanes = [
-        lane for group in base_model.independent_blocks if len(group) > 1 for lane in group.items()
-    ]
-    mine = [(places[name], mask) for name, mask in lanes if name in places]
-    if not mine or any(effect.couples_blocks for effect in model.effects):
-        return []
-    low, high = model.bounds
-    angle = np.array([spec.unit == "rad" for _, spec in model.parameters])
-    moved = np.array([i for i, _ in mine])
-    masks = np.stack([mask for _, mask in mine])
-    swept = moved[~angle[moved]]
-    turned = moved[angle[moved]]
-    start = result.vector.copy()
-    least = masks @ result.residuals**2
-    for part in PARTS:
-        for turn in (0.0, np.pi):
-            trial = result.vector.copy()
-            trial[swept] = low[swept] + part * (high - low)[swept]
-            trial[turned] += np.where(trial[turned] + turn <= high[turned], turn, -turn)
-            left = masks @ model.residuals(trial) ** 2
-            better = left < least
-            start[moved[better]] = trial[moved[better]]
-            least = np.minimum(left, least)
-    return [] if np.array_equal(start, result.vector) else [fit(model, start, near=result)]

@@ -22,8 +22,8 @@ from femnl.diagnose.multistart import (
     replaced,
     seekable_elsewhere,
     sought_again,
-    sought_beyond,
 )
+from femnl.diagnose.other_valleys import sought_beyond
 from femnl.diagnose.search_rules import (
     falls_short,
     leaves_other_noise,
