@@ -5,12 +5,13 @@ e^{−γτ/2} sin 2πΔτ. On a grid of γ and Δ that is linear, so that no sta
 tell nothing of a decay whose beats are as long as itself.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
+from femnl.fits.decay.memory import block_means
 from femnl.observe.decay.law import Array
 from femnl.observe.decay.phases import THRESHOLDS, Line, Segmentation
 from femnl.observe.decay.pieces import Piece
@@ -30,6 +31,8 @@ CYCLE = 0.25
 BLOCKS_PER_CYCLE = 6
 SMOOTHED = 5
 """Blocks over which a mean tells how large the power is."""
+FAINTEST = 1e-300
+"""Power in parts of the largest, and squares, that are divided by at least."""
 LEFT = 0.1
 """Part of what a decay into a floor leaves that a leak may leave."""
 VISIBLE = 0.05
@@ -62,6 +65,11 @@ class Leak:
     phase: float
     left: float
     beats: float
+
+    @property
+    def as_pair(self) -> tuple[float, float, float, float]:
+        """Parameters of a pair, in SI: ratio, rate of the partner, splitting and phase."""
+        return self.ratio, 0.0, self.splitting, self.phase
 
     @property
     def shows(self) -> bool:
@@ -98,52 +106,75 @@ def _begins(fine: Segmentation) -> list[int]:
 
 
 def _leak(record: PowerRecord, first: int, stop: int) -> Leak | None:
-    """Return the leak that leaves the least of a record's points first … stop − 1."""
+    """Return the leak that leaves the least of a record's points first … stop − 1.
+
+    None where they are few, or where nothing falls.
+    """
     size = max(-(-(stop - first) // MOST_BLOCKS), 1)
-    starts = np.arange(first, stop - size + 1, size)
-    if len(starts) < FEWEST_BLOCKS:
+    if stop - first < FEWEST_BLOCKS * size:
         return None
-    power = np.exp((record.power[first:stop] - record.power[first:stop].max()) / DB)
-    count = len(starts) * size
-    mean = power[:count].reshape(-1, size).mean(axis=1)
-    time = (record.time[first : first + count] - record.time[first]).reshape(-1, size).mean(axis=1)
+    log_power = record.power[first:stop] / DB
+    mean = block_means(np.exp(log_power - log_power.max()), size)
+    time = block_means(record.time[first:stop] - record.time[first], size)
+    best = _best_on_grid(time, mean)
+    if best is None:
+        return None
     duration = float(time[-1])
-    near = np.convolve(np.pad(mean, SMOOTHED // 2, mode="edge"), np.ones(SMOOTHED), mode="valid")
-    weight = SMOOTHED / near
-    cycles = np.arange(FEWEST_CYCLES, len(mean) / BLOCKS_PER_CYCLE, CYCLE)
-    best = (np.inf, 0.0, 0.0, np.zeros(4))
-    floor = np.inf
-    for scaled in RATES:
-        fall = np.exp(-scaled * time / (2 * duration))
-        plain = np.stack([np.ones_like(time), fall**2], axis=1)
-        floor = min(floor, _squares(plain[None], mean, weight)[0][0])
-        turn = 2 * np.pi * np.outer(cycles, time / duration)
-        beats = fall * np.stack([np.cos(turn), np.sin(turn)])
-        columns = np.stack([*np.broadcast_to(plain.T[:, None], (2, *turn.shape)), *beats], axis=2)
-        squares, numbers = _squares(columns, mean, weight)
-        real = (numbers[:, 0] > 0) & (numbers[:, 1] > 0)
-        squares = np.where(real, squares, np.inf)
-        k = int(np.argmin(squares))
-        if squares[k] < best[0]:
-            best = (float(squares[k]), float(scaled), float(cycles[k]), numbers[k])
-    left, scaled, turns, (_, own, cosine, sine) = best
-    if not np.isfinite(left):
-        return None
+    _, own, cosine, sine = best.numbers
     ratio = float(np.hypot(cosine, sine) / (2 * own))
-    place = np.exp(-scaled * time / (2 * duration))
-    seen = np.minimum(ratio / place, place / ratio) > VISIBLE
+    mode = np.exp(-best.fall * time / (2 * duration))
+    seen = np.minimum(ratio / mode, mode / ratio) > VISIBLE
     return Leak(
-        rate=scaled / duration,
+        rate=best.fall / duration,
         ratio=ratio,
-        splitting=turns / duration,
+        splitting=best.cycles / duration,
         phase=float(np.arctan2(-sine, cosine)),
-        left=left / max(floor, np.finfo(float).tiny),
-        beats=turns * float(np.mean(seen)),
+        left=best.left,
+        beats=best.cycles * float(np.mean(seen)),
     )
 
 
-def _squares(columns: Array, mean: Array, weight: Array) -> tuple[Array, Array]:
-    """Return weighted squares (m,) that least squares leave, and numbers (m, k) of columns.
+@dataclass(frozen=True)
+class _OnGrid:
+    """The rate and the splitting of a grid, both times the duration, that leave the least.
+
+    numbers (4,): of 1, e^{−γτ}, and e^{−γτ/2} times cosine and sine. left: of squares, in parts of
+    what the best rate leaves with the first two alone.
+    """
+
+    fall: float
+    cycles: float
+    numbers: Array
+    left: float
+
+
+def _best_on_grid(time: Array, mean: Array) -> _OnGrid | None:
+    """Return the best rate and splitting for powers (n,) at times (n,) [s], None where none falls.
+
+    Each power counts by its part of those around it: the noise grows with the power.
+    """
+    weight = 1 / np.maximum(uniform_filter1d(mean, SMOOTHED, mode="nearest"), FAINTEST)
+    cycles = np.arange(FEWEST_CYCLES, len(mean) / BLOCKS_PER_CYCLE, CYCLE)
+    turn = 2 * np.pi * np.outer(cycles, time / time[-1])
+    least = np.inf
+    floor = np.inf
+    best = None
+    for fall in RATES:
+        mode = np.exp(-fall * time / (2 * time[-1]))
+        plain = [np.ones_like(turn), np.broadcast_to(mode**2, turn.shape)]
+        columns = np.stack([*plain, mode * np.cos(turn), mode * np.sin(turn)], axis=2)
+        floor = min(floor, float(_least_squares(columns[:1, :, :2], mean, weight)[0][0]))
+        squares, numbers = _least_squares(columns, mean, weight)
+        squares = np.where(np.all(numbers[:, :2] > 0, axis=1), squares, np.inf)
+        k = int(np.argmin(squares))
+        if squares[k] < least:
+            least = float(squares[k])
+            best = (float(fall), float(cycles[k]), numbers[k])
+    return None if best is None else _OnGrid(*best, left=least / max(floor, FAINTEST))
+
+
+def _least_squares(columns: Array, mean: Array, weight: Array) -> tuple[Array, Array]:
+    """Return what m sums of k columns leave of weighted squares, (m,), and their numbers (m, k).
 
     Args: columns (m, n, k); mean, weight (n,).
     """
@@ -169,10 +200,6 @@ def _whole(record: PowerRecord, fine: Segmentation, first: int, leak: Leak) -> S
     slope = -DB * leak.rate
     low = top + slope * float(time[1] - time[0])
     own = Piece(first, stop, float(time[0]), float(time[1]), top, low, 0.0, stop - first)
+    # A grid knows the slope to its own steps alone
     line = Line(float(time[0]), top, slope, abs(slope))
     return Segmentation((*before, own), line, (len(before),), (), fine.recorded)
-
-
-def pair_start(leak: Leak) -> Sequence[float]:
-    """Return the start of a pair, in SI: ratio, rate of the partner, splitting and phase."""
-    return leak.ratio, 0.0, leak.splitting, leak.phase

@@ -1,12 +1,12 @@
 """The stretch of a record that is fitted, and the law that it needs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.fits.decay.leak import over_a_leak, pair_start
+from femnl.fits.decay.leak import over_a_leak
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING, Likelihood, averages_of, start_values
 from femnl.fits.decay.periods import at_cycles
 from femnl.fits.decay.readout import beats
@@ -109,7 +109,7 @@ def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentatio
         tried.append(("exit", replace(segmentation, decay=whole, floor=floor)))
     best = (LEAST_EVIDENCE, segmentation, straight)
     for term, longer in tried:
-        best = _better(record, longer, term, (), best, _shows)
+        best = _better(record, longer, term, (), best)
     for part in TOPS:
         ahead = max(int(part * len(record.time)), 1)
         coarse = find_decay(record.time, record.power, BEAT_RESOLUTION, ahead)
@@ -119,11 +119,14 @@ def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentatio
         if ahead == 1 or beats(record.time[inside], record.power[inside], *DEEP):
             start = _beat(record, coarse)
             if start is not None:
-                best = _better(record, coarse, "pair", start, best, _shows)
+                best = _better(record, coarse, "pair", start, best)
     leaking = over_a_leak(record, segmentation)
     if leaking is not None:
         with_leak, leak = leaking
-        best = _better(record, with_leak, "pair", pair_start(leak), best, _follows)
+        evidence, _, bent = _compared(record, with_leak, "pair", leak.as_pair)
+        # Without the leak, a fit takes its beats for a floor, and wanders about nothing
+        if evidence > best[0] and _rings_down(bent) and wander(bent) < THRESHOLDS.wander:
+            best = (evidence, with_leak, bent)
     return best[1:]
 
 
@@ -141,20 +144,22 @@ Best = tuple[float, Segmentation, Found]
 
 
 def _better(
-    record: PowerRecord,
-    pieces: Segmentation,
-    term: Term,
-    start: Sequence[float],
-    best: Best,
-    shows: Callable[[Found, Found], bool],
+    record: PowerRecord, pieces: Segmentation, term: Term, start: Sequence[float], best: Best
 ) -> Best:
     """Return a fit with one term where its evidence is better, else the best so far."""
-    bent = fit_stretch(record, pieces, stretch_of(record, pieces), term, start)
-    plain = fit_stretch(record, pieces, bent.stretch)
-    evidence = _evidence(plain, bent)
-    if evidence > best[0] and shows(plain, bent):
+    evidence, plain, bent = _compared(record, pieces, term, start)
+    if evidence > best[0] and _shows(plain, bent):
         return evidence, pieces, bent
     return best
+
+
+def _compared(
+    record: PowerRecord, pieces: Segmentation, term: Term, start: Sequence[float]
+) -> tuple[float, Found, Found]:
+    """Return the evidence for a term, and the fits of the same data without and with it."""
+    bent = fit_stretch(record, pieces, stretch_of(record, pieces), term, start)
+    plain = fit_stretch(record, pieces, bent.stretch)
+    return _evidence(plain, bent), plain, bent
 
 
 def _beat(record: PowerRecord, pieces: Segmentation) -> tuple[float, ...] | None:
@@ -198,14 +203,6 @@ def _shows(plain: Found, bent: Found) -> bool:
     if bent.likelihood.terms == ("damping",) and bent.values[-1] > 0.99 * STRONGEST_DAMPING:
         return False
     return _rings_down(bent) and THRESHOLDS.wobble < wander(plain) > 2 * wander(bent)
-
-
-def _follows(_: Found, bent: Found) -> bool:
-    """Whether a decay over a leak is followed as closely as any, up to the end of a record.
-
-    Without the leak, a fit takes the beats for a floor, and wanders about nothing.
-    """
-    return _rings_down(bent) and wander(bent) < THRESHOLDS.wander
 
 
 def _rings_down(found: Found) -> bool:

@@ -103,6 +103,7 @@ def window(record: PowerRecord) -> Window:
     """
     fine = segment(record.time, record.power)
     chosen, found = choose(record, fine)
+    # Beats that are followed to the end of a record are all that there is to compare
     whole = found.likelihood.terms == ("pair",) and chosen.decay[-1] == len(chosen.pieces) - 1
     members = chosen if whole else _members(record, fine, chosen)
     if members.pieces is not chosen.pieces:
