@@ -24,6 +24,10 @@ BENT = 10.0
 """Reduced χ² of a fit to all drives, and its factor over that of one to the weakest, from which on
 strong drives may show something else than the mode.
 """
+OTHER_SIGN = 10.0
+"""Reduced χ² of a first fit from which on the other sign of the phase is fitted, and the factor by
+which that must lower χ² to be right.
+"""
 CERTAIN = 5.0
 SHOWN = 0.1
 """Standard deviations of a stiffening or softening that is believed, and its part of the critical
@@ -53,13 +57,13 @@ def first_fit(
 
     def find() -> tuple[Array, Array]:
         sign = sign_of_phase(clear, first_layout(clear, "complex"))
-        fitted, background, clearest = first = _fitted(dataset, sign, place, clear.reference)
-        if clearest.chi2_reduced > BENT:
-            # Beside a strong leak, few fits tell the sign of the phase wrongly
+        fitted, background, clearest = _fitted(dataset, sign, place, clear.reference)
+        if clearest.chi2_reduced > OTHER_SIGN:
+            # A strong leak may hide the sign of the phase from the few fits that were to tell it
             other = _fitted(dataset, -sign, place, clear.reference)
-            if other[2].chi2_reduced < clearest.chi2_reduced / BENT:
-                sign, first = -sign, other
-            fitted, background, clearest = first
+            if other[2].chi2_reduced < clearest.chi2_reduced / OTHER_SIGN:
+                sign = -sign
+                fitted, background, clearest = other
         weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
         hidden = background > 0 or weak is not None
         shown = weak or fitted
