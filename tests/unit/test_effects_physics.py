@@ -464,6 +464,18 @@ def stiff_string(layer: float, depth: float, n: int = 130) -> Array:
     )
 
 
+def held_string(squares: Array, layer: float) -> ModalSystem:
+    """Return a string of length 1 with such (ω/c)² (5,) and layer ℓ as a film that is long."""
+    slopes = np.zeros((6, 3, 5, 5))
+    slopes[0, 0] = np.diag(squares)
+    grid = np.linspace(-0.5, 0.5, 9)
+    projection = Projection(slopes, np.zeros((6, 5, 5)), 0.5, grid, grid, np.zeros((5, 9, 9)))
+    film = replace(FILM, thickness=1.0, density=FILM.stress)
+    return ModalSystem(
+        np.diag(squares), np.eye(5), FILM.stress, film, projection, (1.0, 1e9), layer
+    )
+
+
 @pytest.mark.parametrize("depth", [4e-3, 2e-2])
 def test_a_compliant_clamp_holds_a_film_whose_stiffness_keeps_its_edge_from_turning(
     depth: float,
@@ -471,14 +483,7 @@ def test_a_compliant_clamp_holds_a_film_whose_stiffness_keeps_its_edge_from_turn
     layer = 5e-3
     clamped = stiff_string(layer, 1e-6)
     loose = stiff_string(layer, depth)
-    square = np.zeros((6, 3, 5, 5))
-    square[0, 0] = np.diag(clamped)
-    grid = np.linspace(-0.5, 0.5, 9)
-    projection = Projection(square, np.zeros((6, 5, 5)), 0.5, grid, grid, np.zeros((5, 9, 9)))
-    film = replace(FILM, thickness=1.0, density=FILM.stress)
-    system = ModalSystem(
-        np.diag(clamped), np.eye(5), FILM.stress, film, projection, (1.0, 1e9), layer
-    )
+    system = held_string(clamped, layer)
     cubed = (depth - layer) ** 3 + layer**3
     found = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": cubed})
     shift = np.diag(found.stiffness) / clamped
@@ -494,20 +499,8 @@ def test_an_edge_between_springs_bends_its_layer_less(depth: float) -> None:
     lengths = layer * np.linspace(0.9, 1.1, 7)
     each = np.array([stiff_string(length, 1e-6) for length in lengths])
     k2 = (np.sqrt(1 + 4 * lengths[:, None] ** 2 * each) - 1) / (2 * lengths[:, None] ** 2)
-    square = np.zeros((6, 3, 5, 5))
-    square[0, 0] = np.diag(clamped)
-    grid = np.linspace(-0.5, 0.5, 9)
-    projection = Projection(square, np.zeros((6, 5, 5)), 0.5, grid, grid, np.zeros((5, 9, 9)))
-    film = replace(FILM, thickness=1.0, density=FILM.stress)
-    system = ModalSystem(
-        np.diag(clamped),
-        np.eye(5),
-        FILM.stress,
-        film,
-        projection,
-        (1.0, 1e9),
-        layer,
-        np.polynomial.polynomial.polyfit(lengths, k2, 3),
+    system = replace(
+        held_string(clamped, layer), layer=np.polynomial.polynomial.polyfit(lengths, k2, 3)
     )
     cubed = (depth - layer) ** 3 + layer**3
     found = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": cubed})
