@@ -6,6 +6,7 @@ Pure functions of a job, whatever runs them.
 import tempfile
 import time
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from femnl.core.diagnosis import Diagnosis
+from femnl.core.fit import Parameter
 from femnl.diagnose import diagnose
 from femnl.effects import library
 from tests.blind.lab import GEOMETRIES, KINDS, STRONG, WEAK, Case, causes, make
@@ -197,7 +198,7 @@ def run(job: Job) -> dict[str, Any]:
         "best_gain": best,
         "before": found.before.chi2_reduced,
         "after": found.after.chi2_reduced,
-        "pulls": _pulls(job.case, truth, found)
+        "pulls": pulls_of(job.case, truth, found.parameters)
         if sorted(found.causes) == sorted(job.case.causes)
         else {},
         "trials": [
@@ -208,8 +209,11 @@ def run(job: Job) -> dict[str, Any]:
     }
 
 
-def _pulls(
-    case: Case, truth: dict[str, Any], found: Diagnosis, exact: bool = True
+def pulls_of(
+    case: Case,
+    truth: dict[str, Any],
+    found: Mapping[str, Mapping[str, Parameter]],
+    exact: bool = True,
 ) -> dict[str, float]:
     """(value − truth)/sd of every parameter that can be compared.
 
@@ -232,7 +236,7 @@ def _pulls(
         # What it does to all modes alike, a diagnosis leaves in the speed
         known.pop(("base", "speed"), None)
     for (owner, spec), value in known.items():
-        for name, fitted in found.parameters.get(owner, {}).items():
+        for name, fitted in found.get(owner, {}).items():
             if name != spec and not (owner != "base" and name.endswith(f".{spec}")):
                 continue
             whole = f"{owner}.{spec}"

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from scipy.special import expit, logit
 
-from tests.blind.jobs import IMPOSSIBLE, jobs, run
-from tests.blind.lab import GEOMETRIES, KINDS, causes
+from femnl.core.fit import Parameter
+from tests.blind.jobs import IMPOSSIBLE, jobs, pulls_of, run
+from tests.blind.lab import GEOMETRIES, KINDS, Case, causes
 from tests.blind.scoreboard import WORDS, score, table
 from tests.blind.study import plan
 
@@ -258,3 +259,33 @@ def test_a_draw_gives_a_line_that_json_takes() -> None:
     kept = json.loads(json.dumps(run(job)))
     assert kept["named"] == ["gas_damping"]
     assert kept["best_gain"] == pytest.approx(kept["gain"], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kind", "cause", "name", "turned"),
+    [
+        ("spectrum", "clamp_loss", "dipole", True),
+        ("spectrum", "stress_anisotropy", "anisotropy", False),
+        ("holes", "stress_anisotropy", "anisotropy", True),
+        ("response", "quadratic_stiffness", "kappa2", True),
+        ("record", "quadratic_stiffness", "kappa2", False),
+    ],
+)
+def test_a_mirror_image_holds_the_truth_where_data_tell_no_sign(
+    kind: str, cause: str, name: str, turned: bool
+) -> None:
+    base = dict.fromkeys(("speed", "frequency", "linewidth", "stiffness", "alpha"), 1.0)
+    truth = {"base": base, "causes": {cause: {name: 0.2}}}
+    found = {cause: {name: Parameter(name, -0.21, 0.01, "1")}}
+    (pull,) = pulls_of(Case(kind, (cause,), 1), truth, found).values()
+    assert pull == pytest.approx(1.0 if turned else -41.0)
+
+
+def test_the_speed_beside_a_clamp_that_gives_way_is_not_compared() -> None:
+    truth = {"base": {"speed": 600.0}, "causes": {"compliant_clamp": {"depth_cubed": 1e-17}}}
+    found = {
+        "base": {"speed": Parameter("speed", 590.0, 0.1, "m/s")},
+        "compliant_clamp": {"depth_cubed": Parameter("depth_cubed", 1.2e-17, 1e-18, "m^3")},
+    }
+    pulls = pulls_of(Case("spectrum", ("compliant_clamp",), 1), truth, found)
+    assert pulls == {"compliant_clamp.depth_cubed": pytest.approx(2.0)}

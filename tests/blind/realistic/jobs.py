@@ -14,7 +14,7 @@ import numpy as np
 
 from femnl.diagnose import diagnose, record
 from femnl.effects import library
-from tests.blind.jobs import IMPOSSIBLE, _pulls
+from tests.blind.jobs import IMPOSSIBLE, pulls_of
 from tests.blind.lab import GEOMETRIES, Case, causes
 from tests.blind.realistic.files import Draw, make
 from tests.blind.realistic.regimes import QUIET, REGIMES, allowed
@@ -119,7 +119,8 @@ def run(k: int, draw: Draw, limit: float) -> dict[str, Any]:
     pulls = {}
     if sorted(found.causes) == sorted(draw.causes):
         case = Case(draw.kind, draw.causes, draw.seed, draw.geometry)
-        pulls = _pulls(case, truth, found, exact=truth["options"]["deviation"] == 0)
+        exact = truth["options"]["deviation"] == 0
+        pulls = pulls_of(case, truth, found.parameters, exact)
     return known_of | {
         "verdict": answer["verdict"],
         "named": sorted(answer["causes"]),
