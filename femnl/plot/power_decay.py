@@ -112,9 +112,13 @@ def power_of_ten(value: float) -> tuple[float, str]:
 def local_rates(found: DecayFit) -> tuple[Array, Array, Array]:
     """Return mean power [dB], decay rate [1/s] and its sd of short pieces of the decay.
 
-    Pieces have equal numbers of points and lie above the floor; each is a straight line.
+    Pieces have equal numbers of points and lie above the floor; each is a straight line. Beats are
+    no damping: where there are any, a piece tells by how much its rate differs from the fitted one.
     """
     floor = found.fit["floor"]
+    falling = found.power
+    if "partner" in found.fit.parameters:
+        falling = found.power - found.mean - DB * found.fit["decay_rate"] * found.time
     strong = np.flatnonzero(found.used & (found.mean > floor + 2 * DB))
     parts = np.array_split(strong, max(min(_STEPS, len(strong) // _LEAST), 1))
     rows = []
@@ -123,8 +127,8 @@ def local_rates(found: DecayFit) -> tuple[Array, Array, Array]:
             continue
         time = found.time[part] - found.time[part].mean()
         spread = float(np.sum(time**2))
-        slope = float(time @ found.power[part]) / spread
-        rest = found.power[part] - found.power[part].mean() - slope * time
+        slope = float(time @ falling[part]) / spread
+        rest = falling[part] - falling[part].mean() - slope * time
         sd = float(np.sqrt(rest @ rest / (len(part) - 2) / spread * found.correlation))
         rows.append((float(found.power[part].mean()), -slope / DB, sd / DB))
     table = np.array(rows).reshape(-1, 3)

@@ -382,6 +382,15 @@ def test_pieces_of_a_picture_give_the_decay_rate_within_their_errors() -> None:
     assert fit.plot().axes[2].get_ylabel() == "quality factor (10⁶)"
 
 
+def test_pieces_of_beats_in_a_picture_give_the_decay_rate_within_their_errors() -> None:
+    time, _, begin = record(0)
+    after = time[begin:] - time[begin]
+    leak = 0.1 * np.exp(2j * np.pi * 4 * after / after[-1] + 2.5j)
+    _, rate, sd = local_rates(fitted(*record(1, np.exp(-RATE * after / 2) + leak)[:2]))
+    assert len(rate) >= 5
+    assert np.mean(((rate - RATE) / sd) ** 2) < 3
+
+
 @pytest.mark.parametrize(
     ("value", "power", "text"), [(1.7e7, 1e7, "10⁷"), (0.003, 1e-3, "10⁻³"), (42.0, 1.0, "")]
 )
