@@ -114,8 +114,9 @@ def window(record: PowerRecord) -> Window:
     decay = np.zeros(count, dtype=bool)
     first = pieces[members.decay[0]].first
     stop = pieces[members.decay[-1]].stop
+    falling = _stronger(found, record.time[first:stop]) if whole else stop - first
     # Where the record begins with the decay, nothing was switched off
-    corner = EDGE + int(EDGE_PART * (stop - first)) if first else 0
+    corner = EDGE + int(EDGE_PART * falling) if first else 0
     decay[first + corner : stop] = True
     length = np.count_nonzero(decay)
     floor = logical(members, members.floor, count)
@@ -124,6 +125,17 @@ def window(record: PowerRecord) -> Window:
     for one in stopped:
         decay[one.first : one.stop] = False
     return Window(decay, floor & ~decay, stopped, found)
+
+
+def _stronger(found: Found, time: Array) -> int:
+    """Return at how many times (n,) [s] a mode is stronger than what it beats with.
+
+    It falls to a leak as another one does to its floor.
+    """
+    named = found.named
+    since = time - found.stretch.begin
+    partner = named["partner"] * np.exp(0.5 * (named["decay_rate"] - named["partner_rate"]) * since)
+    return int(np.count_nonzero(partner < 1))
 
 
 def _members(record: PowerRecord, fine: Segmentation, chosen: Segmentation) -> Segmentation:
