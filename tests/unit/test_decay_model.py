@@ -12,9 +12,10 @@ from scipy.signal import lfilter
 from femnl import measurement
 from femnl.core.errors import MeasurementError
 from femnl.effects import library
+from femnl.fits.decay.interruptions import interruptions
 from femnl.fits.decay.pose import pose
 from femnl.fits.decay.readout import Noisy, beats, wander_of
-from femnl.fits.decay.window import interruptions, window
+from femnl.fits.decay.window import window
 from femnl.fits.least_squares import fit
 from femnl.io.labfiles import read_lab_files
 from femnl.observe.decay.blocks import (

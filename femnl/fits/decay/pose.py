@@ -11,9 +11,10 @@ from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.fits.decay.compared import FEWEST_BLOCKS, Compared, compared, nodes
 from femnl.fits.decay.fluctuation import Fluctuating, fluctuation, whitening
+from femnl.fits.decay.interruptions import listed
 from femnl.fits.decay.likelihood import FAINTEST_FLOOR
 from femnl.fits.decay.phase import phase_of
-from femnl.fits.decay.window import Window, listed, window
+from femnl.fits.decay.window import Window, window
 from femnl.observe.decay.blocks import (
     Blocks,
     Wander,
