@@ -451,6 +451,25 @@ def test_elements_in_a_web_between_two_holes_are_no_longer_than_it_is_wide(
     assert longest < 1.5 * gap * radius
 
 
+@pytest.mark.parametrize("resolution", [1, 2])
+def test_round_rims_have_twelve_elements_each_and_more_beside_a_narrow_web(resolution: int) -> None:
+    alone = [(-3.0, 3.0, 0.5), (0.0, 3.0, 0.53), (3.0, 3.0, 0.58), (0.0, 0.0, 0.7)]
+    pair = [(-1.0, -3.0, 0.95), (1.0, -3.0, 0.96)]
+    text = f'name = "circles"\nsource = "a test"\n[outline]\n{SQUARE}\n[film]\n{THIN}\n'
+    for x, y, r in alone + pair:
+        centre = f'centres = [["{x} um", "{y} um"]]'
+        text += f'[[holes]]\nlattice = "list"\n{centre}\nradius = "{r} um"\n'
+    grid = mesh(parse(text), "full", resolution).mesh
+    middles = 1e6 * grid.doflocs[:, grid.nvertices + grid.boundaries["free"]].T
+
+    def around(x: float, y: float, r: float) -> int:
+        """Return how many elements a rim has."""
+        return int(np.sum(np.abs(np.hypot(*(middles - [x, y]).T) - r) < 1e-3))
+
+    assert [around(*rim) for rim in alone] == [12 * resolution] * len(alone)
+    assert min(around(*rim) for rim in pair) > 16 * resolution
+
+
 @pytest.mark.parametrize("width", [2, 4, 6])
 def test_a_web_between_holes_is_refined_in_step_with_all_else(width: int) -> None:
     text = (resources.geometries() / "square-270um.toml").read_text(encoding="utf-8")

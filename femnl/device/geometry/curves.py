@@ -157,12 +157,17 @@ def polyline(outline: Outline, per_turn: int = 180) -> Array:
 
     Arcs are cut into `per_turn` pieces a full turn.
     """
+    first = outline.segments[0]
+    if outline.kind == "circle":  # one arc walked on beyond its end: films have thousands
+        turns = np.arange(per_turn) / per_turn
+        points = point_at(first, 2 * np.pi / abs(turn(first)) * turns)
+        return np.concatenate([points, [first.start]])
     pieces = [
         point_at(s, np.arange(n) / n)
         for s in outline.segments
         for n in [max(1, round(abs(turn(s)) / (2 * np.pi) * per_turn))]
     ]
-    return np.concatenate([*pieces, [outline.segments[0].start]])
+    return np.concatenate([*pieces, [first.start]])
 
 
 def widths(outline: Outline, samples: int = 9) -> Array:

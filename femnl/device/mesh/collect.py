@@ -6,7 +6,7 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from skfem import MeshTri1, MeshTri2
+from skfem import MeshTri2
 
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError
@@ -127,11 +127,13 @@ def assemble(raw: Raw) -> MeshTri2:
     corners = np.unique(raw.triangles[:, :3])
     vertex = np.full(len(raw.points), -1)
     vertex[corners] = np.arange(len(corners))
-    linear = MeshTri1(
-        np.ascontiguousarray(raw.points[corners].T),
-        np.ascontiguousarray(vertex[raw.triangles[:, :3]].T),
-    )
-    keys = np.sort(linear.facets.astype(np.int64), axis=0)
+    places = np.ascontiguousarray(raw.points[corners].T)
+    # One mesh from the start, as every other numbers its edges anew, which takes seconds of large
+    # ones: its middles and boundaries follow.
+    boundaries: dict[str, Index] = {}
+    triangles = np.sort(vertex[raw.triangles[:, :3]], axis=1).T
+    result = MeshTri2(places, np.ascontiguousarray(triangles), _boundaries=boundaries)
+    keys = np.sort(result.facets.astype(np.int64), axis=0)
     numbers = keys[0] * len(corners) + keys[1]
     order = np.argsort(numbers)
 
@@ -139,13 +141,12 @@ def assemble(raw: Raw) -> MeshTri2:
         low, high = np.sort(vertex[ends], axis=1).T
         return np.asarray(order[np.searchsorted(numbers, low * len(corners) + high, sorter=order)])
 
-    middles = np.empty((keys.shape[1], 2))
+    middles = np.empty((2, keys.shape[1]))
     for local, ends in enumerate(EDGES):
-        middles[facet_of(raw.triangles[:, ends])] = raw.points[raw.triangles[:, 3 + local]]
-    boundaries = {name: np.unique(facet_of(ends)) for name, ends in raw.edges.items()}
-    return MeshTri2(
-        np.ascontiguousarray(np.hstack([linear.p, middles.T])), linear.t, _boundaries=boundaries
-    )
+        middles[:, facet_of(raw.triangles[:, ends])] = raw.points[raw.triangles[:, 3 + local]].T
+    result.doflocs = np.hstack([places, middles])
+    boundaries |= {name: np.unique(facet_of(ends)) for name, ends in raw.edges.items()}
+    return result
 
 
 def distinct(values: Array, apart: float) -> Index:
@@ -183,8 +184,10 @@ def misfit(model: Model, result: MeshTri2) -> float:
     """
     loops = (model.edge_outline, *model.openings)
     ellipses = [s for loop in loops for s in loop.segments if s.semi_axes is not None]
+    if not ellipses:
+        return 0.0
     rim = Space(result, 2).arc_nodes
-    if not ellipses or len(rim) == 0:
+    if len(rim) == 0:
         return 0.0
     nodes_by_place = cKDTree(rim)
     found = 0.0

@@ -1,6 +1,7 @@
 """Sizes of elements: small at clamped edges, corners, arcs, holes and webs, growing from there."""
 
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any
 
 import gmsh
@@ -13,11 +14,11 @@ from femnl.core.outline import CELL
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.corners import singular_corners
 from femnl.device.mesh.kernel import kernel_of, length
-from femnl.device.mesh.openings import AN_ELEMENT, arcs_by_radius, rim_sizes
+from femnl.device.mesh.openings import AN_ELEMENT, STEP, arcs_by_radius, rim_sizes
 from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS
 from femnl.device.mesh.symmetry import FULL, beyond_mirrors
 from femnl.device.mesh.waves import elements_a_wave
-from femnl.device.mesh.webs import narrow_webs
+from femnl.device.mesh.webs import Pieces, narrow_webs, pieces_of
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,7 @@ ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
 AROUND_HOLES = 3
 AROUND_OPENINGS = 2.2  # the same of mixed shapes
 BESIDE_LAYERS = 12  # elements along the length of a layer, at its rim
+ROUNDED = 0.01  # part of an element that a curve may lack or be too long by, as of gmsh
 LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
 
 
@@ -86,16 +88,26 @@ def grade(model: Model, curves: Curves, wedge: float, unit: float, fineness: Fin
     far = SCALE / ELEMENTS_PER_LENGTH / fineness.resolution
     following = fineness.wave * unit / elements_a_wave(fineness.resolution)
     kernel = kernel_of(model, wedge)
-    sizes = _Sizes(fineness.resolution, min(far, following), kernel, [], [])
+    sizes = _Sizes(fineness.resolution, min(far, following), kernel, [], [], {})
+    rounds = {} if kernel is gmsh.model.occ else _round_rims(model, curves)
+    for k, tags in rounds.items():
+        around = 2 * np.pi * exact.radius(model.openings[k].segments[0]) * unit
+        sizes.lengths.update(dict.fromkeys(tags, around / len(tags)))
     area = _area(model) * unit**2 * wedge / FULL
     sizes.inverse_square.append(area / sizes.largest**2)
     _grade_rims(sizes, model, curves, wedge, unit)
-    if model.pierced:
-        _grade_webs(sizes, model, wedge, unit)
     if model.outline.kind != CELL:
         _grade_edges(sizes, model, curves, unit)
         _grade_corners(sizes, model, unit, fineness.degree)
-    return sizes.set()
+    if not model.pierced:
+        return sizes.set()
+    rim = _size_along_rims(sizes, model, unit)
+    pieces = pieces_of(model, rim / 2)
+    _grade_webs(sizes, narrow_webs(pieces, rim), wedge, unit)
+    triangles = sizes.set()
+    if rounds:
+        _space_evenly(sizes, model, rounds, pieces, unit)
+    return triangles
 
 
 def _area(model: Model) -> float:
@@ -114,6 +126,7 @@ class _Sizes:
     kernel: Any
     fields: list[int]
     inverse_square: list[float]
+    lengths: dict[int, float]  # of curves that gmsh need not be asked for, in its lengths
 
     @property
     def grading(self) -> float:
@@ -146,7 +159,7 @@ class _Sizes:
         """
         field = gmsh.model.mesh.field
         distance = field.add("Distance")
-        lengths = [length(t, self.kernel) for t in tags]
+        lengths = [self.lengths.get(t) or length(t, self.kernel) for t in tags]
         along = sum(lengths) / size + len(points or []) / AN_ELEMENT
         self.inverse_square.append(fan * along * self.grading / growth)
         field.setNumbers(distance, "CurvesList", tags)
@@ -190,20 +203,60 @@ def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, wedge: float, unit:
         sizes.grow_from_curves(size, sized.curves, HOLE_GROWTH, AROUND_OPENINGS, points)
 
 
-def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
+def _size_along_rims(sizes: _Sizes, model: Model, unit: float) -> float:
+    """Return the size [m] of elements along the widest round rim, and along those of lines."""
     segments = [s for opening in model.openings for s in opening.segments]
     radii = [model.holes.radius, *(exact.radius(s) for s in segments)]
     largest = sizes.largest / unit
-    rim = min(2 * np.pi * max(radii) / HOLE_SEGMENTS, largest)
     if any(s.centre is None for s in segments):  # which may ask for no size themselves
-        rim = largest
-    for size, places in narrow_webs(model, rim).items():
+        return largest
+    return min(2 * np.pi * max(radii) / HOLE_SEGMENTS, largest)
+
+
+def _grade_webs(sizes: _Sizes, webs: dict[float, Array], wedge: float, unit: float) -> None:
+    for size, places in webs.items():
         within = places[beyond_mirrors(places, wedge) < size]
         if len(within):
             grown = size * unit / sizes.grading
             sizes.grow_from_points(grown, sizes.points(within * unit), HOLE_GROWTH)
             # Each place stands for a square of its size
             sizes.inverse_square.append(len(within) * sizes.grading**2)
+
+
+def _round_rims(model: Model, curves: Curves) -> dict[int, list[int]]:
+    """Return the arcs on the rim of each free round opening of a film that is not cut."""
+    arcs: dict[int, list[int]] = {}
+    free = set(curves.openings)
+    for tag, k in curves.rims.items():
+        if tag in free and model.openings[k].kind == "circle":
+            arcs.setdefault(k, []).append(tag)
+    return arcs
+
+
+def _space_evenly(
+    sizes: _Sizes, model: Model, arcs: dict[int, list[int]], pieces: Pieces, unit: float
+) -> None:
+    """Set the number of elements on the arcs of round rims that nothing is near to.
+
+    gmsh has to know the fields of sizes before, and forgets these numbers with new ones. It
+    would look at the sizes at more than a hundred places of each arc, to find one all along it.
+
+    arcs: gmsh's curves on the rim of each of these openings.
+    """
+    circles = [model.openings[k].segments[0] for k in arcs]
+    radii = np.array([exact.radius(circle) for circle in circles])
+    rim = 2 * np.pi * radii
+    # Beyond it, sizes that grow from elsewhere are larger than those along the rim
+    reach = radii + STEP * rim / HOLE_SEGMENTS / GROWTH
+    first = (model.outline.kind != CELL) + len(model.holes.centres)
+    centres = np.array([circle.centre for circle in circles])
+    alone = pieces.alone(first + np.array(list(arcs)), centres, reach)
+    asked = np.minimum(rim * unit / HOLE_SEGMENTS / sizes.grading, sizes.largest)
+    elements = rim * unit / asked
+    for tags, around in zip(compress(arcs.values(), alone), elements[alone], strict=True):
+        number = int(np.ceil(around / len(tags) - ROUNDED))
+        for tag in tags:
+            gmsh.model.mesh.setTransfiniteCurve(tag, number + 1)
 
 
 def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:

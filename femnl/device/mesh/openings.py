@@ -1,5 +1,6 @@
 """Element sizes along the rims of openings of any shape."""
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -22,8 +23,7 @@ SEGMENTS = 12  # curved edges around a hole or opening
 # and the error falls more slowly with the degree, measured at slots
 JUMPS = 28
 STEP = 1.2
-"""Sizes within this factor share one field, of the least of them: gmsh looks at every field at
-every place."""
+"""Sizes within this factor share one field, since gmsh looks at every field at every place."""
 FINE = 64
 """Pieces of a quarter of a circle by which sizes along an ellipse are found; as many times the
 aspect of an ellipse, whose tips turn faster."""
@@ -44,6 +44,9 @@ class Sized:
     places: Array
 
 
+NOWHERE = np.empty((0, 2))
+
+
 def rim_sizes(
     model: Model, rims: dict[int, int], free: set[int], unit: float, largest: float
 ) -> Iterator[Sized]:
@@ -53,6 +56,9 @@ def rim_sizes(
     `along_ellipse` says. Rims that are no circles or ellipses ask for JUMPS all around, whatever
     they are made of.
 
+    Sizes that are alike become the least of them, but those of arcs of SEGMENTS the largest: gmsh
+    rounds the number of elements on an arc up, and a little less would make four of three.
+
     Args:
         model: the device.
         rims: gmsh's curve tags, and the opening that each is part of the rim of.
@@ -60,7 +66,7 @@ def rim_sizes(
         unit: of gmsh's lengths in 1 m.
         largest: element size far from everything, in gmsh's lengths.
     """
-    asked: list[tuple[float, list[int], Array]] = []
+    asked: list[Sized] = []
     jumping: list[int] = []
     smooth: dict[float, list[int]] = {}
     elliptical: set[int] = set()
@@ -71,7 +77,7 @@ def rim_sizes(
             if k not in around:
                 around[k] = polygon(rim).exterior.length * unit / JUMPS
             if around[k] < largest:
-                asked.append((around[k], [tag], np.empty((0, 2))))
+                asked.append(Sized(around[k], [tag], NOWHERE))
             if tag in free:
                 jumping.append(tag)
         elif tag in free and _follows_tips(model, rim):
@@ -79,16 +85,17 @@ def rim_sizes(
         elif tag in free:
             radius = round(exact.radius(rim.segments[0]) * unit, 6)
             smooth.setdefault(radius, []).append(tag)
-    for alike, segments in ((smooth, SEGMENTS), (arcs_by_radius(jumping), JUMPS)):
-        for radius, arcs in alike.items():
-            asked.append((2 * np.pi * radius / segments, arcs, np.empty((0, 2))))
+    for radius, arcs in arcs_by_radius(jumping).items():
+        asked.append(Sized(2 * np.pi * radius / JUMPS, arcs, NOWHERE))
     for k in sorted(elliptical):
         sizes, places = along_ellipse(model.openings[k])
         octave = np.floor(np.log(sizes) / np.log(STEP))
         for each in np.unique(octave):
             within = octave == each
-            asked.append((float(sizes[within].min()) * unit, [], places[within]))
-    yield from _gathered(asked)
+            asked.append(Sized(float(sizes[within].min()) * unit, [], places[within]))
+    yield from (_joined(alike, alike[0].size) for alike in _groups(asked))
+    whole = [Sized(2 * np.pi * r / SEGMENTS, tags, NOWHERE) for r, tags in smooth.items()]
+    yield from (_joined(alike, alike[-1].size) for alike in _groups(whole))
 
 
 def _follows_tips(model: Model, rim: Outline) -> bool:
@@ -136,15 +143,19 @@ def _quarter(ratio: float) -> tuple[Array, Array]:
     return np.interp(stops, number, sizes), np.interp(stops, number, angle)
 
 
-def _gathered(asked: list[tuple[float, list[int], Array]]) -> Iterator[Sized]:
-    """Join what asks for sizes within STEP of each other."""
-    ordered = sorted(asked, key=lambda one: one[0])
+def _groups(asked: list[Sized]) -> Iterator[list[Sized]]:
+    """Part what asks for sizes, in their order, into groups within STEP."""
+    ordered = sorted(asked, key=lambda one: one.size)
     while ordered:
-        least = ordered[0][0]
-        alike = [one for one in ordered if one[0] <= STEP * least]
-        ordered = ordered[len(alike) :]
-        curves = sorted({tag for _, tags, _ in alike for tag in tags})
-        yield Sized(least, curves, np.concatenate([places for _, _, places in alike]))
+        number = bisect_right(ordered, STEP * ordered[0].size, key=lambda one: one.size)
+        yield ordered[:number]
+        ordered = ordered[number:]
+
+
+def _joined(alike: list[Sized], size: float) -> Sized:
+    """Let all ask for one size."""
+    curves = sorted({tag for one in alike for tag in one.curves})
+    return Sized(size, curves, np.concatenate([one.places for one in alike]))
 
 
 def arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:

@@ -126,7 +126,8 @@ class Space:
         It has the degree `map_degree`.
         """
         degree = self.map_degree
-        place = np.asarray(self.mesh.doflocs).T[_by_triangle(_numbering(self.mesh, 2))]
+        second = self.dofs if self.degree == 2 else _by_triangle(_numbering(self.mesh, 2))
+        place = np.asarray(self.mesh.doflocs).T[second]
         if degree > 2:
             numbering = self._numbering if self.degree == degree else _numbering(self.mesh, degree)
             dofs = _by_triangle(numbering)
