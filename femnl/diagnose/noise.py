@@ -96,6 +96,8 @@ def _lone(
     make by chance, and still be too much for the noise of all. There is none where the others are
     more than noise, as then a model misses the data, or where two stand out, or neighbours do.
     """
+    if layout.shuffled:  # what a model misses of a datum is nowhere near it either
+        return np.zeros(len(residuals), dtype=bool)
     known = ~dropped & (layout.datum >= 0)
     away = np.where(known, np.abs(residuals) / factor, 0.0)
     datum = np.unique(layout.datum[away > outlier_limit(away[known])])

@@ -24,6 +24,9 @@ NEARLY_ALL = 0.9
 """The same where a model takes up nearly all of the deviation."""
 CLEAR = 4.0
 """Standard errors by which a factor must differ from 1, and a correlation from 0."""
+ALIKE = 2.5
+"""Standard errors by which a correlation of a few neighbours must differ from 0. Noise without any
+is still white to a tenth where chance has made one, and a base model has to be adequate with it."""
 LEAST_FACTOR = 0.06
 """The least difference of a factor from 1, and of a correlation from 0, that are told beside a
 misfit.
@@ -48,9 +51,11 @@ def noise_level(
     stretches counts. Where the residuals are bare noise, nearly all of them count, and all
     residuals together where they agree with the stretches. They are none where nearly all are
     clearly louder than the quieter half says: noise is the same all over the data, and what a model
-    misses is not. The result is 1 and 0 where the noise does not differ clearly from what is
-    stated.
+    misses is not. Data in a random order tell the correlation alone. The result is 1 and 0 where
+    the noise does not differ clearly from what is stated.
     """
+    if layout.shuffled:
+        return 1.0, _of_neighbours(residuals, layout, dropped)
     if layout.oscillating:
         return _first_order(residuals, layout, dropped)
     rows = _stretches(layout, dropped)
@@ -60,6 +65,19 @@ def noise_level(
     if bare and _louder_than_its_quieter_half(residuals[rows], *found):
         return _of_stretches(residuals, layout, dropped, rows, bare=False)
     return found
+
+
+def _of_neighbours(residuals: Array, layout: Layout, dropped: NDArray[np.bool_]) -> float:
+    """Return the correlation of neighbours taken under unlike conditions, 0 where it is not clear.
+
+    What a model misses counts as noise that does not correlate. It is no part of the correlation,
+    and where conditions are unlike it cannot be told from noise by its size.
+    """
+    whole = _whole(residuals, layout, dropped)
+    if whole is None:
+        return 0.0
+    followed = float(np.sum(layout.previous >= 0))
+    return whole[1] if whole[1] > ALIKE / np.sqrt(followed) else 0.0
 
 
 def _louder_than_its_quieter_half(rows: Array, factor: float, correlation: float) -> bool:

@@ -1,6 +1,7 @@
 """The noise of each measurement of a file, before causes are sought and after."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def first_noise(
     Nor does correlated noise whose steps from datum to datum are far larger than stated noise: it
     describes any smooth misfit of data that are measured in coarse steps.
     """
-    around = bare.layout
+    around = bare.layout or bare.order
     if around is None:
         return FoundNoise()
 
@@ -108,14 +109,17 @@ def last_noise(best: Candidate, noise: Noise) -> Noise:
     """
     found = dict(noise)
     for name, (bare, residuals) in _bare_residuals(best.result).items():
-        around = bare.layout
         known = noise.get(name, FoundNoise())
+        if bare.layout is None and _unexplained_but_noise(best, known):
+            found[name] = FoundNoise(factor=best.factor)
+            continue
+        around = bare.layout or bare.order
         if around is None:
-            if _unexplained_but_noise(best, known):
-                found[name] = FoundNoise(factor=best.factor)
             continue
         # Anew: what stood out from a misfit may be none
         fresh = found_noise(residuals, around, FoundNoise(), bare=True, last=True)
+        if bare.layout is None:  # an order tells the correlation alone
+            fresh = replace(known, correlation=fresh.correlation)
         if fresh.factor <= THRESHOLDS.largest_factor and not _same(fresh, known):
             found[name] = fresh
     return found

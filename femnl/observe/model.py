@@ -121,6 +121,11 @@ class MeasurementModel(ABC):
         """None where residuals have no neighbours, as the modes of a spectrum."""
         return None
 
+    @property
+    def order(self) -> Layout | None:
+        """Neighbours in the order of the data, where only noise is alike in them; else None."""
+        return None
+
     def locate(self, residual: int) -> str:
         """Say in a phrase which datum a residual is of."""
         return f"datum {residual + 1}"

@@ -46,7 +46,8 @@ class Layout:
     (n_residuals,): data of the same number were taken under the same conditions in other lines, so
     that deviations of several of them are no chance; −1 where there is nothing of the kind.
     planar: whether data have neighbours across the lines as well. oscillating: whether what a model
-    misses varies from one datum to the next, as noise does.
+    misses varies from one datum to the next, as noise does. shuffled: whether the conditions change
+    at random from one datum to the next, so that what a model misses is not alike in neighbours.
     """
 
     near: NDArray[np.int64]
@@ -55,6 +56,7 @@ class Layout:
     repeated: NDArray[np.int64]
     planar: bool = False
     oscillating: bool = False
+    shuffled: bool = False
 
 
 def apart(blocks: NDArray[np.int64]) -> Layout:

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from femnl.diagnose import diagnose
 from femnl.effects import library
+from femnl.io import measurement
 from tests.blind.lab import Case
 from tests.blind.lab import make as make_exact
 from tests.blind.realistic.files import Draw, make
@@ -31,6 +33,8 @@ def test_sweeps_with_glitches_alone_are_adequate_and_the_glitches_are_listed(
         Draw("record", (), "glitches", "square-270um", 1828458032),
         Draw("record", (), "correlated noise", "square-270um", 711921186),
         Draw("record", (), "wrong sd", "square-270um", 3496539343),
+        Draw("series", (), "correlated noise", "square-270um", 60008),
+        Draw("series", (), "correlated noise", "square-270um", 60202),
         Draw("trace", (), "glitches", "square-270um", 1446199729),
         Draw("trace", (), "correlated noise", "square-270um", 5009),
         Draw("trace", (), "glitches", "square-270um", 6009),
@@ -49,6 +53,37 @@ def test_nothing_but_noise_that_once_was_unexplained_is_adequate(
     make(draw, tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
     assert found.verdict == "adequate", found.where
+
+
+@pytest.mark.parametrize(
+    ("cause", "seed"), [("electrostatic_softening", 60416), ("thermal_stress", 61006)]
+)
+def test_weak_causes_of_a_series_are_named_in_noise_that_is_alike_in_neighbours(
+    cause: str, seed: int, tmp_path: Path
+) -> None:
+    make(Draw("series", (cause,), "correlated noise", "square-270um", seed), tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert found.causes == (cause,)
+    assert found.noise[0].correlation_length > 1.5
+
+
+@pytest.mark.parametrize(
+    "order",
+    [range(30), [*range(0, 30, 2), *range(29, 0, -2)]],
+    ids=["ramp", "up and down"],
+)
+def test_what_a_series_in_order_lacks_is_not_taken_for_correlated_noise(
+    order: list[int], tmp_path: Path
+) -> None:
+    values = np.array(order, float)
+    rng = np.random.default_rng(4)
+    bent = 1.5e6 + 1.5 * np.sin(2 * np.pi * values / np.ptp(values)) + 0.5 * rng.normal(size=30)
+    data = measurement.series({"voltage": values}, bent, np.ones(30))
+    measurement.write(
+        measurement.bundle({"gate": data}, geometry="square-270um"), tmp_path / "gate.nc"
+    )
+    found = diagnose(tmp_path / "gate.nc", effects=[])
+    assert found.noise[0].correlation_length == 1.0
 
 
 def test_an_optical_spring_is_among_the_equals_where_the_stated_sd_is_too_small(

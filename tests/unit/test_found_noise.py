@@ -201,6 +201,26 @@ def test_what_oscillates_beside_the_noise_of_a_record_is_no_noise(size: float) -
     assert (found.factor, found.correlation) == (1.0, 0.0)
 
 
+def test_data_in_a_random_order_tell_the_correlation_of_their_noise_and_nothing_else() -> None:
+    place = np.arange(60)
+    before = np.where(place % 30, place - 1, -1)
+    alone = np.full(60, -1)
+    shuffled = Layout(alone[:, None], before, place, alone, shuffled=True)
+    rng = np.random.default_rng(3)
+    drawn = rng.standard_normal((200, 60))
+    for rho, low, high in ((0.0, 0, 3), (0.6, 185, 200)):
+        noise = drawn.copy()
+        for k in np.flatnonzero(before >= 0):
+            noise[:, k] = rho * noise[:, k - 1] + np.sqrt(1 - rho**2) * drawn[:, k]
+        found = [found_noise(row, shuffled, FoundNoise(), last=True) for row in noise]
+        told = [one.correlation for one in found if one.correlation]
+        assert low <= len(told) <= high
+        assert not told or np.median(told) == pytest.approx(rho, abs=0.05) or rho == 0
+        assert all(one.factor == 1.0 and not one.glitches for one in found)
+    noise[0, 7] = 9.0  # which one cause may move as well as a glitch
+    assert not found_noise(noise[0], shuffled, FoundNoise(), last=True).glitches
+
+
 def both_quadratures() -> Layout:
     """Return the layout of the real, then of the imaginary parts of the same sweeps."""
     one = sweeps(repeated=True)
