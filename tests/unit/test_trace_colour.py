@@ -90,6 +90,27 @@ def test_harmonics_and_noise_scatter_as_told(following: tuple[float, ...]) -> No
     assert spread == pytest.approx(1, abs=0.15)
 
 
+@pytest.mark.parametrize("periods", [3.2, 4.7])
+@COLOURS
+def test_harmonics_of_few_periods_scatter_as_told(
+    following: tuple[float, ...], periods: float
+) -> None:
+    rng = np.random.default_rng(12)
+    time = np.linspace(0, periods / F, 1025)[:-1]
+    clean = trace(FRINGE, time, F, U, 0.4)
+    truth = harmonics(FRINGE, np.arange(22), U, 0.4)[:, None]
+    away, sizes = [], []
+    for _ in range(40):
+        volts = clean + noise(following, rng)
+        found = decompose(record(time, volts, drive_frequency=np.full(STEPS, F)))
+        away.append((found.values - truth) / found.values_sd)
+        sizes.append(found.noise_sd)
+    apart = np.concatenate(away, axis=1)[1:]
+    rms = np.sqrt((np.mean(apart.real**2) + np.mean(apart.imag**2)) / 2)
+    assert rms == pytest.approx(1, abs=0.06)
+    assert np.sqrt(np.mean(np.square(sizes))) == pytest.approx(SD, rel=0.05)
+
+
 @pytest.mark.parametrize("what", ["tone", "slow tone", "drift", "random walk", "nothing"])
 def test_what_is_no_noise_of_these_records_has_no_colour(what: str) -> None:
     sample = np.arange(1024)

@@ -21,11 +21,12 @@ ONE_TONE = 0.5
 """Share of the power of a drive that one sine may leave: harmonics of its own and noise, but no
 second tone of equal strength.
 """
-FEWEST_PERIODS = 8
+FEWEST_PERIODS = 3
 SAMPLES_EACH = 10
 """Periods of a record, and samples for each number that is fitted to it, from which on the colour
 of its noise can be told: fewer leave no noise between the harmonics.
 """
+LEAST_LEFT = 0.25  # part of the noise that harmonics leave, however strong it is where they are
 EVEN_TIMES = 0.01
 """Relative difference of intervals between samples up to which they are equal."""
 
@@ -131,7 +132,13 @@ def decompose(traces: xr.Dataset, n_harmonics: int = MOST_HARMONICS) -> Harmonic
         values[:, i] *= np.exp(-1j * orders * phase[i])
     colour = _colour(time, frequency, left, n_harmonics)
     interval = float(np.median(np.diff(time)))
-    sd *= np.sqrt(colour.relative_power(np.outer(orders, frequency * interval)))
+    power = colour.relative_power(np.outer(orders, frequency * interval))
+    # Harmonics and mean took more of noise that is strong at their frequencies than of white noise
+    known = np.isfinite(left).sum(axis=1) - (2 * n_harmonics + 1)
+    more = power[0] - 1 + 2 * np.sum(power[1:] - 1, axis=0)
+    larger = np.sqrt(known / np.maximum(known - more, LEAST_LEFT * known))
+    noise *= larger
+    sd *= larger * np.sqrt(power)
     return HarmonicSpectrum(
         frequency, orders, values, sd, noise, colour.correlation_length, colour.independent
     )
