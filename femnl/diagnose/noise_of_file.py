@@ -46,7 +46,7 @@ def first_noise(
     Nor does correlated noise whose steps from datum to datum are far larger than stated noise: it
     describes any smooth misfit of data that are measured in coarse steps.
     """
-    around = bare.layout or bare.order
+    around = bare.layout or bare.sequence
     if around is None:
         return FoundNoise()
 
@@ -113,7 +113,7 @@ def last_noise(best: Candidate, noise: Noise) -> Noise:
         if bare.layout is None and _unexplained_but_noise(best, known):
             found[name] = FoundNoise(factor=best.factor)
             continue
-        around = bare.layout or bare.order
+        around = bare.layout or bare.sequence
         if around is None:
             continue
         # Anew: what stood out from a misfit may be none

@@ -122,7 +122,7 @@ class MeasurementModel(ABC):
         return None
 
     @property
-    def order(self) -> Layout | None:
+    def sequence(self) -> Layout | None:
         """Neighbours in the order of the data, where only noise is alike in them; else None."""
         return None
 

@@ -238,7 +238,7 @@ def with_noise(bare: MeasurementModel, noise: FoundNoise) -> MeasurementModel:
     """Return the model under the noise that was found, itself where that is as stated."""
     if noise.as_stated:
         return bare
-    around = bare.layout or bare.order or apart(bare.blocks)
+    around = bare.layout or bare.sequence or apart(bare.blocks)
     bare = bare.unscaled_by(noise.glitches)
     return NoisyModel(
         bare=bare,

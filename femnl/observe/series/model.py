@@ -68,7 +68,7 @@ class SeriesModel(MeasurementModel):
         return np.tile(place, len(self.data))[self.used].astype(np.int64)
 
     @property
-    def order(self) -> Layout | None:
+    def sequence(self) -> Layout | None:
         """Neighbours in the order of the file, where that is not the order of a control variable.
 
         Else what a model misses is alike in neighbours, as correlated noise is, and so few points
