@@ -25,8 +25,8 @@ NEARLY_ALL = 0.9
 CLEAR = 4.0
 """Standard errors by which a factor must differ from 1, and a correlation from 0."""
 ALIKE = 2.5
-"""Standard errors by which a correlation of a few neighbours must differ from 0. Noise without any
-is still white to a tenth where chance has made one, and a base model has to be adequate with it."""
+"""Standard errors by which the correlation of few neighbours must differ from 0: chance alone makes
+as much in one file of 160."""
 LEAST_FACTOR = 0.06
 """The least difference of a factor from 1, and of a correlation from 0, that are told beside a
 misfit.
@@ -70,8 +70,8 @@ def noise_level(
 def _of_neighbours(residuals: Array, layout: Layout, dropped: NDArray[np.bool_]) -> float:
     """Return the correlation of neighbours taken under unlike conditions, 0 where it is not clear.
 
-    What a model misses counts as noise that does not correlate. It is no part of the correlation,
-    and where conditions are unlike it cannot be told from noise by its size.
+    What a model misses differs from one to the next, and lowers the correlation. Its size looks
+    like that of noise, so that the size of the noise is not told.
     """
     whole = _whole(residuals, layout, dropped)
     if whole is None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from femnl.diagnose import diagnose
 from femnl.effects import library
@@ -84,6 +85,27 @@ def test_what_a_series_in_order_lacks_is_not_taken_for_correlated_noise(
     )
     found = diagnose(tmp_path / "gate.nc", effects=[])
     assert found.noise[0].correlation_length == 1.0
+
+
+def test_noise_that_wanders_beside_a_shuffled_control_is_noise_and_a_drift_is_a_drift(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(6)
+    time = 300.0 * np.arange(40)
+    power = rng.permutation(np.linspace(1e-6, 1e-4, 40))
+    wander = lfilter([0.6], [1.0, -0.8], rng.normal(size=60))[20:]
+    for drift, verdict, causes in (
+        (0.0, "adequate", ()),
+        (1e-9, "explained", ("frequency_drift",)),
+    ):
+        measured = 1.5e6 * (1 + drift * time) + wander
+        controls = {"laser_power": power, "time": time}
+        data = measurement.series(controls, measured, np.ones(40))
+        file = measurement.bundle({"night": data}, geometry="square-270um")
+        measurement.write(file, tmp_path / f"{verdict}.nc")
+        found = diagnose(tmp_path / f"{verdict}.nc")
+        assert (found.verdict, found.causes) == (verdict, causes)
+        assert found.noise[0].correlation_length > 2
 
 
 def test_an_optical_spring_is_among_the_equals_where_the_stated_sd_is_too_small(

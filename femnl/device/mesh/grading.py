@@ -42,7 +42,7 @@ ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
 AROUND_HOLES = 3
 AROUND_OPENINGS = 2.2  # the same of mixed shapes
 BESIDE_LAYERS = 12  # elements along the length of a layer, at its rim
-ROUNDED = 0.01  # part of an element that a curve may lack or be too long by, as of gmsh
+ROUNDED = 0.01  # part of an element that gmsh leaves out where it rounds their number up
 LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
 
 
@@ -204,7 +204,7 @@ def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, wedge: float, unit:
 
 
 def _size_along_rims(sizes: _Sizes, model: Model, unit: float) -> float:
-    """Return the size [m] of elements along the widest round rim, and along those of lines."""
+    """Return the largest size [m] of elements along a rim: of the widest arc, and of any line."""
     segments = [s for opening in model.openings for s in opening.segments]
     radii = [model.holes.radius, *(exact.radius(s) for s in segments)]
     largest = sizes.largest / unit

@@ -94,8 +94,8 @@ def rim_sizes(
             within = octave == each
             asked.append(Sized(float(sizes[within].min()) * unit, [], places[within]))
     yield from (_joined(alike, alike[0].size) for alike in _groups(asked))
-    whole = [Sized(2 * np.pi * r / SEGMENTS, tags, NOWHERE) for r, tags in smooth.items()]
-    yield from (_joined(alike, alike[-1].size) for alike in _groups(whole))
+    circles = [Sized(2 * np.pi * r / SEGMENTS, tags, NOWHERE) for r, tags in smooth.items()]
+    yield from (_joined(alike, alike[-1].size) for alike in _groups(circles))
 
 
 def _follows_tips(model: Model, rim: Outline) -> bool:

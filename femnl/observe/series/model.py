@@ -23,7 +23,12 @@ in one of 24 orders."""
 
 
 def _follows_itself(control: Array) -> bool:
-    """Whether a control variable tells its next value, as a ramp and a square wave do."""
+    """Whether a control variable tells its next value, as a ramp and a square wave do.
+
+    One that is not known everywhere may.
+    """
+    if not np.isfinite(control).all():
+        return True
     rank = np.argsort(np.argsort(control, kind="stable"), kind="stable")
     away = rank - rank.mean()
     return bool(abs(np.sum(away[1:] * away[:-1])) > RANDOM * np.sum(away**2))
@@ -69,12 +74,14 @@ class SeriesModel(MeasurementModel):
 
     @property
     def sequence(self) -> Layout | None:
-        """Neighbours in the order of the file, where that is not the order of a control variable.
+        """Neighbours in the order of the file, where that is not the order of what was varied.
 
         Else what a model misses is alike in neighbours, as correlated noise is, and so few points
-        do not tell the two apart.
+        do not tell the two apart. Time goes on by itself: what wanders with it by no more than the
+        stated noise is noise.
         """
-        if any(_follows_itself(self.control[name]) for name in self.varied):
+        moving = [v for name, v in self.control.items() if name != "time" and np.ptp(v) != 0]
+        if not moving or any(_follows_itself(values) for values in moving):
             return None
         count = len(self.used) // len(self.data)
         number = np.where(self.used, np.cumsum(self.used) - 1, -1)
