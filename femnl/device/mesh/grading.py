@@ -1,8 +1,7 @@
-"""Sizes of elements: small at clamped edges, corners, arcs, holes and webs, growing from there."""
+"""Where elements are small: at clamped edges, corners, arcs, holes and webs."""
 
 from dataclasses import dataclass
 from itertools import compress
-from typing import Any
 
 import gmsh
 import numpy as np
@@ -13,9 +12,10 @@ from femnl.core.device import Model
 from femnl.core.outline import CELL
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.corners import singular_corners
-from femnl.device.mesh.kernel import kernel_of, length
-from femnl.device.mesh.openings import AN_ELEMENT, STEP, arcs_by_radius, rim_sizes
+from femnl.device.mesh.kernel import kernel_of
 from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS
+from femnl.device.mesh.openings import STEP, arcs_by_radius, rim_sizes
+from femnl.device.mesh.sizes import Sizes
 from femnl.device.mesh.symmetry import FULL, beyond_mirrors
 from femnl.device.mesh.waves import elements_a_wave
 from femnl.device.mesh.webs import Pieces, narrow_webs, pieces_of
@@ -88,7 +88,7 @@ def grade(model: Model, curves: Curves, wedge: float, unit: float, fineness: Fin
     far = SCALE / ELEMENTS_PER_LENGTH / fineness.resolution
     following = fineness.wave * unit / elements_a_wave(fineness.resolution)
     kernel = kernel_of(model, wedge)
-    sizes = _Sizes(fineness.resolution, min(far, following), kernel, [], [], {})
+    sizes = Sizes(fineness.resolution, min(far, following), kernel, [], [], {})
     rounds = {} if kernel is gmsh.model.occ else _round_rims(model, curves)
     for k, tags in rounds.items():
         around = 2 * np.pi * exact.radius(model.openings[k].segments[0]) * unit
@@ -117,81 +117,7 @@ def _area(model: Model) -> float:
     return float(exact.area(model.edge_outline) - open_area - holes)
 
 
-@dataclass(frozen=True)
-class _Sizes:
-    """gmsh's fields of sizes as they are collected, and what each adds to ∫ dA / h²."""
-
-    resolution: float
-    largest: float
-    kernel: Any
-    fields: list[int]
-    inverse_square: list[float]
-    lengths: dict[int, float]  # of curves that gmsh need not be asked for, in its lengths
-
-    @property
-    def grading(self) -> float:
-        return max(self.resolution, 1.0)
-
-    def grow(self, size: float, distance: int, growth: float) -> None:
-        """Let elements grow from a size with the distance that a field of gmsh's holds."""
-        if size >= self.largest:
-            return
-        field = gmsh.model.mesh.field
-        self.fields.append(field.add("Threshold"))
-        field.setNumber(self.fields[-1], "InField", distance)
-        field.setNumber(self.fields[-1], "SizeMin", size)
-        field.setNumber(self.fields[-1], "SizeMax", self.largest)
-        field.setNumber(self.fields[-1], "DistMin", 0)
-        reach = (self.largest - size) * self.grading / growth
-        field.setNumber(self.fields[-1], "DistMax", reach)
-
-    def grow_from_curves(
-        self,
-        size: float,
-        tags: list[int],
-        growth: float,
-        fan: float = 1.0,
-        points: list[int] | None = None,
-    ) -> None:
-        """Let elements grow from curves. fan: triangles over those along a straight line.
-
-        points: of further curves, AN_ELEMENT an element.
-        """
-        field = gmsh.model.mesh.field
-        distance = field.add("Distance")
-        lengths = [self.lengths.get(t) or length(t, self.kernel) for t in tags]
-        along = sum(lengths) / size + len(points or []) / AN_ELEMENT
-        self.inverse_square.append(fan * along * self.grading / growth)
-        field.setNumbers(distance, "CurvesList", tags)
-        field.setNumbers(distance, "PointsList", points or [])
-        # gmsh measures the distance to points along the curves: two an element hide the gaps
-        # between them.
-        field.setNumber(distance, "Sampling", np.ceil(2 * max(lengths, default=0.0) / size))
-        self.grow(size, distance, growth)
-
-    def grow_from_points(self, size: float, tags: list[int], growth: float) -> None:
-        """Let elements grow from points."""
-        distance = gmsh.model.mesh.field.add("Distance")
-        gmsh.model.mesh.field.setNumbers(distance, "PointsList", tags)
-        self.grow(size, distance, growth)
-
-    def points(self, places: Array) -> list[int]:
-        """Return gmsh's tags of points (n, 2) that bound nothing, from which sizes grow."""
-        return [self.kernel.addPoint(x, y, 0) for x, y in places]
-
-    def set(self) -> float:
-        """Hand the smallest of all sizes to gmsh; return about how many triangles it makes."""
-        self.kernel.synchronize()  # once, as it takes seconds with thousands of openings
-        gmsh.option.setNumber("Mesh.MeshSizeMax", self.largest)
-        if self.fields:
-            field = gmsh.model.mesh.field
-            smallest = field.add("Min")
-            field.setNumbers(smallest, "FieldsList", self.fields)
-            field.setAsBackgroundMesh(smallest)
-        return float(4 / np.sqrt(3) * sum(self.inverse_square))
-
-
-def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, wedge: float, unit: float) -> None:
+def _grade_rims(sizes: Sizes, model: Model, curves: Curves, wedge: float, unit: float) -> None:
     if curves.holes:
         rim = 2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / sizes.grading
         sizes.grow_from_curves(rim, curves.holes, HOLE_GROWTH, AROUND_HOLES)
@@ -203,7 +129,7 @@ def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, wedge: float, unit:
         sizes.grow_from_curves(size, sized.curves, HOLE_GROWTH, AROUND_OPENINGS, points)
 
 
-def _size_along_rims(sizes: _Sizes, model: Model, unit: float) -> float:
+def _size_along_rims(sizes: Sizes, model: Model, unit: float) -> float:
     """Return the largest size [m] of elements along a rim: of the widest arc, and of any line."""
     segments = [s for opening in model.openings for s in opening.segments]
     radii = [model.holes.radius, *(exact.radius(s) for s in segments)]
@@ -213,7 +139,7 @@ def _size_along_rims(sizes: _Sizes, model: Model, unit: float) -> float:
     return min(2 * np.pi * max(radii) / HOLE_SEGMENTS, largest)
 
 
-def _grade_webs(sizes: _Sizes, webs: dict[float, Array], wedge: float, unit: float) -> None:
+def _grade_webs(sizes: Sizes, webs: dict[float, Array], wedge: float, unit: float) -> None:
     for size, places in webs.items():
         within = places[beyond_mirrors(places, wedge) < size]
         if len(within):
@@ -234,7 +160,7 @@ def _round_rims(model: Model, curves: Curves) -> dict[int, list[int]]:
 
 
 def _space_evenly(
-    sizes: _Sizes, model: Model, arcs: dict[int, list[int]], pieces: Pieces, unit: float
+    sizes: Sizes, model: Model, arcs: dict[int, list[int]], pieces: Pieces, unit: float
 ) -> None:
     """Set the number of elements on the arcs of round rims that nothing is near to.
 
@@ -259,7 +185,7 @@ def _space_evenly(
             gmsh.model.mesh.setTransfiniteCurve(tag, number + 1)
 
 
-def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:
+def _grade_edges(sizes: Sizes, model: Model, curves: Curves, unit: float) -> None:
     layer = LAYER_SIZE * bending_length(model) * unit
     if model.bending and curves.clamped:
         sizes.grow_from_curves(layer / sizes.resolution, curves.clamped, GROWTH)
@@ -282,7 +208,7 @@ def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> No
             sizes.grow_from_curves(size, tags, GROWTH, grown / (size + grown))
 
 
-def _grade_corners(sizes: _Sizes, model: Model, unit: float, degree: int) -> None:
+def _grade_corners(sizes: Sizes, model: Model, unit: float, degree: int) -> None:
     layer = bending_length(model)
     corners = list(singular_corners(model, sizes.resolution, layer, degree))
     if not corners:
