@@ -52,6 +52,18 @@ class Choice:
         return min(found, key=lambda one: one.criterion(self.scale)) if found else None
 
 
+@dataclass(frozen=True)
+class FirstLook:
+    """What few fits tell of complex data.
+
+    phase_sign: +1 for exp(+iωt), −1 for exp(−iωt). on_circle: whether a Duffing mode meets them
+    beside a background that grows with the drive, and no linear one does.
+    """
+
+    phase_sign: int
+    on_circle: bool
+
+
 def choose(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> Choice:
     """Fit the models that are allowed and return the one that the evidence prefers.
 
@@ -71,9 +83,11 @@ def choose(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> Choice:
     return _best(sweeps, list(chosen.found.values()), asked, sign)
 
 
-def sign_of_phase(sweeps: Sweeps, layout: Layout) -> int:
-    """Return +1 for complex data that follow exp(+iωt), −1 for exp(−iωt); see `choose`."""
-    return _sign(sweeps, _begun(sweeps, layout, "complex", Asked()))
+def first_look(sweeps: Sweeps, layout: Layout) -> FirstLook:
+    """Return what few fits tell of complex data; see `choose` for the sign of their phase."""
+    tried = _begun(sweeps, layout, "complex", Asked())
+    sign = _sign(sweeps, tried)
+    return FirstLook(sign, tried[sign].met_on_circle)
 
 
 def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, TriedModels]:
@@ -87,31 +101,28 @@ def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, 
         if tried[sign].begin() and use != "complex":
             break
     if len(tried) > 1 and not any(fits.met for fits in tried.values()):
-        likely = likely_sign(sweeps)
-        linear = min(fits.least for fits in tried.values())
-        # Where linear models decide, folds need no search
-        open_signs = (likely, -likely) if not _clear(tried, likely) else ()
-        for fits in (tried[sign] for sign in open_signs):
-            fits.fit_across_folds()
-            if fits.met or fits.least < MOSTLY * linear:
-                break
-        if open_signs and not _decided(tried):
-            before = {sign: dict(fits.found) for sign, fits in tried.items()}
-            for fits in tried.values():
-                if not any(variant.duffing for variant in fits.found):
-                    fits.fit_across_folds()
-                fits.fit_beside_leak()
-            if not any(fits.met for fits in tried.values()):
-                # Beside a leak the wrong sign may leave less than the right one until one is met
-                for sign, fits in tried.items():
-                    fits.found.clear()
-                    fits.found.update(before[sign])
+        linear = {sign: dict(fits.found) for sign, fits in tried.items()}
+        for fits in tried.values():
+            fits.fit_on_circle()
+        if not any(fits.met for fits in tried.values()):
+            # On a circle the wrong sign may leave less than the right one until one is met
+            for sign, fits in tried.items():
+                fits.found.clear()
+                fits.found.update(linear[sign])
+            _search_folds(tried, likely_sign(sweeps))
     return tried
 
 
-def _decided(tried: Mapping[int, TriedModels]) -> bool:
-    """Whether a sign of the phase meets the data, or leaves clearly less than the other."""
-    return any(fits.met or _clear(tried, sign) for sign, fits in tried.items())
+def _search_folds(tried: Mapping[int, TriedModels], likely: int) -> None:
+    """Fit Duffing models across folds, the likely sign of the phase first, until one decides."""
+    if _clear(tried, likely):
+        # Where linear models decide, folds need no search
+        return
+    linear = min(fits.least for fits in tried.values())
+    for fits in (tried[likely], tried[-likely]):
+        fits.fit_across_folds()
+        if fits.met or fits.least < MOSTLY * linear:
+            return
 
 
 def _sign(sweeps: Sweeps, tried: Mapping[int, TriedModels]) -> int:

@@ -8,7 +8,7 @@ import xarray as xr
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.fit import Fit
 from femnl.core.readout import Array
-from femnl.fits.response.choice import sign_of_phase
+from femnl.fits.response.choice import first_look
 from femnl.fits.response.fit import first_layout, fit_response
 from femnl.fits.response.tried import ADEQUATE
 from femnl.observe.response.sweeps import collect
@@ -16,10 +16,14 @@ from femnl.observe.response.sweeps import collect
 FAR_BETTER = 4.0
 """Factor by which a background must lower χ² before it is taken to hide the resonance."""
 ELSEWHERE = 1.0
+OF_ANOTHER_WIDTH = 3.0
 LED_ASTRAY = 100.0
-"""Linewidths by which a weaker background must lead a fit without it away from the mode, and factor
-by which it must lower χ² there, before it is taken to hide the resonance.
+"""Linewidths by which a weaker background must lead a fit without it away from the mode, or the
+factor by which it must change the linewidth, and factor by which it must lower χ² there, before it
+is taken to hide the resonance.
 """
+SLIGHT = 0.03
+"""Background by the resonance that hides nothing."""
 BENT = 10.0
 """Reduced χ² of a fit to all drives, and its factor over that of one to the weakest, from which on
 strong drives may show something else than the mode.
@@ -56,8 +60,11 @@ def first_fit(
     names += [f"{name}{end}" for name in ("y_max", "phase") for end in place]
 
     def find() -> tuple[Array, Array]:
-        sign = sign_of_phase(clear, first_layout(clear, "complex"))
-        fitted, background, clearest = _fitted(dataset, sign, place, clear.reference)
+        look = first_look(clear, first_layout(clear, "complex"))
+        sign = look.phase_sign
+        fitted, background, clearest = _fitted(
+            dataset, sign, place, clear.reference, on_circle=look.on_circle
+        )
         if clearest.chi2_reduced > OTHER_SIGN:
             # A strong leak may hide the sign of the phase from the few fits that were to tell it
             other = _fitted(dataset, -sign, place, clear.reference)
@@ -85,7 +92,12 @@ def first_fit(
 
 
 def _fitted(
-    dataset: xr.Dataset, sign: int, place: tuple[str, ...], reference: float
+    dataset: xr.Dataset,
+    sign: int,
+    place: tuple[str, ...],
+    reference: float,
+    *,
+    on_circle: bool = False,
 ) -> tuple[Fit, float, Fit]:
     """Return a fit of one mode, how strong the background is [V/V] that hides it, or 0, and a fit.
 
@@ -95,22 +107,38 @@ def _fitted(
     Damping that grows with the amplitude, or a background, is in it where that describes the data.
     Whether they are there is for the diagnosis to say; here they only make the start safe. A
     background that is weaker than the resonance mostly hides nothing: the mode is found without it.
+
+    Args: on_circle: whether a mode beside a background is known to meet the data.
     """
+    if on_circle:
+        # A fit without the background would search in vain
+        beside, background, resonance = _beside_leak(dataset, sign, place, reference)
+        return beside, background if background > SLIGHT * resonance else 0.0, beside
     best = _without_background(dataset, sign)
     if best.chi2_reduced < ADEQUATE:
         return best, 0.0, best
+    beside, background, resonance = _beside_leak(dataset, sign, place, reference)
+    gain = best.chi2_reduced / beside.chi2_reduced
+    away = abs(best["frequency"] - beside["frequency"]) / beside["linewidth"]
+    broader = abs(np.log(best["linewidth"] / beside["linewidth"]))
+    astray = away > ELSEWHERE or broader > np.log(OF_ANOTHER_WIDTH)
+    clearest = beside if gain > FAR_BETTER else best
+    stronger = background > resonance and gain > FAR_BETTER
+    if stronger or (astray and gain > LED_ASTRAY):
+        return beside, background, clearest
+    return best, 0.0, clearest
+
+
+def _beside_leak(
+    dataset: xr.Dataset, sign: int, place: tuple[str, ...], reference: float
+) -> tuple[Fit, float, float]:
+    """Return a fit of one mode beside a background, and how strong this and the mode are [V/V]."""
     beside = fit_response(
         dataset, "complex", background="slope", duffing=True, delay=True, phase_sign=sign
     )
     background = max(_leak(beside, name, reference) for name in place)
     resonance = max(beside[f"y_max{name}"] for name in place)
-    gain = best.chi2_reduced / beside.chi2_reduced
-    away = abs(best["frequency"] - beside["frequency"]) / beside["linewidth"]
-    clearest = beside if gain > FAR_BETTER else best
-    stronger = background > resonance and gain > FAR_BETTER
-    if stronger or (away > ELSEWHERE and gain > LED_ASTRAY):
-        return beside, background, clearest
-    return best, 0.0, clearest
+    return beside, background, resonance
 
 
 def _without_background(dataset: xr.Dataset, sign: int) -> Fit:

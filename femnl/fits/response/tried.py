@@ -11,6 +11,7 @@ import numpy as np
 
 from femnl.core.choices import Background, Use
 from femnl.fits.response.candidate import Candidate
+from femnl.fits.response.circle import circle_start
 from femnl.fits.response.limits import Bounds, limits
 from femnl.fits.response.linear import linear_starts
 from femnl.fits.response.solve import solve
@@ -168,12 +169,26 @@ class TriedModels:
             if self.met or (form == "constant" and last.chi2 > UNFOLDED * linear):
                 return
 
-    def fit_beside_leak(self) -> None:
-        """Fit a Duffing model beside a background that grows with the drive, from the best one."""
-        best = self.cheapest(duffing=True)
-        if best is not None and self._drives and self.forms[-1] != "none":
-            late: Delay = "resonance" if self.late == "all" else "none"
-            self.again(Variant(self.forms[-1], True, late, duffing=True), best)
+    @property
+    def _of_circle(self) -> Variant:
+        """The model that a circle tells a start of."""
+        late: Delay = "resonance" if self.late == "all" else "none"
+        return Variant(self.forms[-1], self._drives, late, duffing=True)
+
+    @property
+    def met_on_circle(self) -> bool:
+        """Whether that model meets the data, and leaves least."""
+        one = self.found.get(self._of_circle)
+        return one is not None and self.met and one.chi2 == self.least
+
+    def fit_on_circle(self) -> None:
+        """Fit a Duffing model beside a background that grows with the drive, from its circle."""
+        if self.asked.duffing is False or self.use != "complex" or self.forms[-1] == "none":
+            return
+        variant = self._of_circle
+        start = circle_start(self.sweeps, variant.layout(self.like))
+        if start is not None and variant not in self.found:
+            self.fit(variant, [start])
 
     def fit_complex(self) -> None:
         """Fit all models that may be chosen to complex data."""
@@ -191,7 +206,9 @@ class TriedModels:
             for one in likely:
                 self.again(replace(one.variant, duffing=True), one)
         else:
-            self.fit_across_folds()
+            self.fit_on_circle()
+            if not self.met:
+                self.fit_across_folds()
         self._vary(self.cheapest(duffing=True) or rich, duffing=True)
         best = self.cheapest(duffing=True)
         if best is not None:

@@ -1,0 +1,139 @@
+"""A start beside a strong background: the circle that a mode runs over at every drive.
+
+V/drive = C + B/(X + i): where the damping is constant, the detuning X is real, whatever the
+amplitude does to it. So V/drive of all sweeps lies on one circle, which holds C. Once a place of C
+is chosen on it, each point tells its X, and X = 2(f₀ − f)/w + a|b|² is linear in what is sought,
+whatever branch a point lies on.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femnl.observe.response.branches import STIFFEN
+from femnl.observe.response.sweeps import Array, Complex, Sweeps
+from femnl.observe.response.theta import Layout
+
+PLACES = np.linspace(0, 2 * np.pi, 360, endpoint=False)
+"""Places of C on the circle that are tried, as φ of B."""
+FEWEST = 8
+"""Points of a circle and a line through their detunings."""
+
+
+@dataclass(frozen=True)
+class _Circle:
+    """V/drive of one position: centre and radius [V], and how points at drives of it deviate.
+
+    frequency (n,) [Hz] from a centre; points (n,) [V]; drive (n,), relative; weight (n,): drive
+    over noise.
+    """
+
+    frequency: Array
+    points: Complex
+    drive: Array
+    weight: Array
+    centre: complex
+    radius: float
+
+    @property
+    def strength(self) -> float:
+        """How far the circle stands out of the noise."""
+        return self.radius * float(np.linalg.norm(self.weight))
+
+    def background(self, phi: float) -> complex:
+        """Return C [V] where B has the phase φ."""
+        return self.centre + 1j * self.radius * complex(np.exp(1j * phi))
+
+    def detuning(self, phi: float) -> tuple[Array, Array]:
+        """Return X of each point, and its weight: 1/sd, both (n,)."""
+        away = self.points - self.background(phi)
+        away = np.where(away == 0, np.finfo(float).tiny, away)
+        size = 2 * self.radius
+        detuning = np.real(size * np.exp(1j * phi) / away)
+        return detuning, self.weight * size / (1 + detuning**2)
+
+    def line(self, phi: float) -> tuple[Array, float]:
+        """Return p of X = p₀ + p₁f + p₂|b|²drive², and what that leaves, in σ²."""
+        detuning, weight = self.detuning(phi)
+        energy = self.drive**2 / (1 + detuning**2)
+        columns = np.column_stack([np.ones(len(detuning)), self.frequency, energy])
+        scale = np.linalg.norm(columns * weight[:, None], axis=0) + np.finfo(float).tiny
+        found = np.linalg.lstsq(columns * weight[:, None] / scale, detuning * weight, rcond=1e-9)[0]
+        found = np.asarray(found / scale)
+        return found, float(np.sum((weight * (detuning - columns @ found)) ** 2))
+
+    def place(self, line: Array) -> float:
+        """Return the φ that suits best what another position tells of X."""
+
+        def missed(phi: np.float64) -> float:
+            detuning, weight = self.detuning(float(phi))
+            energy = self.drive**2 / (1 + detuning**2)
+            away = detuning - line[0] - line[1] * self.frequency - line[2] * energy
+            return float(np.sum((weight * away) ** 2))
+
+        return float(min(PLACES, key=missed))
+
+
+def circle_start(sweeps: Sweeps, layout: Layout) -> Array | None:
+    """Return θ of a Duffing mode beside a background that grows with the drive.
+
+    Args: layout: of a background of at least one term, with gains and phases.
+    Returns: None where no circle tells one.
+    Valid: high Q; no delay; damping that does not depend on the amplitude.
+    Source: the circle of a linear resonance: Petersan & Anlage, J. Appl. Phys. 84, 3392 (1998).
+    """
+    circles = [_circle(sweeps, p, layout.centre) for p in range(sweeps.n_positions)]
+    known = [circle for circle in circles if circle is not None]
+    if len(known) < len(circles):
+        return None
+    clearest = max(known, key=lambda circle: circle.strength)
+    lines = [clearest.line(phi) for phi in PLACES.tolist()]
+    # Where the phase falls through the resonance, X falls with frequency
+    falling = [one for one in lines if one[0][1] < 0]
+    if not falling:
+        return None
+    line, _ = min(falling, key=lambda one: one[1])
+    places = [circle.place(line) for circle in known]
+    width = -2 / line[1]
+    theta = np.zeros(layout.size)
+    theta[0] = line[0] * width / 2 / layout.width
+    theta[1] = np.log(width / layout.width)
+    theta[2] = line[2] / STIFFEN
+    theta[layout.gains] = np.log([2 * circle.radius for circle in known])
+    theta[layout.phases] = places
+    behind = np.array([c.background(phi) for c, phi in zip(known, places, strict=True)])
+    step = 2 * layout.background
+    theta[layout.backgrounds.start : layout.backgrounds.stop : step] = behind.real
+    theta[layout.backgrounds.start + 1 : layout.backgrounds.stop : step] = behind.imag
+    return theta
+
+
+def _circle(sweeps: Sweeps, position: int, centre: float) -> _Circle | None:
+    """Return the circle through V/drive at one position, None through too few points or a line.
+
+    It minimises Σ(weight (|z − c|² − r²))², which is linear in c and r² − |c|².
+    """
+    at = sweeps.position == position
+    if np.count_nonzero(at) < FEWEST:
+        return None
+    drive = sweeps.drive[at]
+    points = sweeps.voltage[at] / drive
+    weight = drive / sweeps.noise
+    middle = complex(np.mean(points))
+    size = float(np.abs(points - middle).max())
+    if not (np.isfinite(size) and size > 0):
+        return None
+    z = (points - middle) / size
+    columns = np.column_stack([2 * z.real, 2 * z.imag, np.ones(len(z))]) * weight[:, None]
+    (x, y, rest), *_ = np.linalg.lstsq(columns, np.abs(z) ** 2 * weight, rcond=None)
+    square = rest + x**2 + y**2
+    if not square > 0:
+        return None
+    return _Circle(
+        frequency=sweeps.frequency[at] - centre,
+        points=points,
+        drive=drive,
+        weight=weight,
+        centre=middle + size * complex(x, y),
+        radius=size * float(np.sqrt(square)),
+    )
