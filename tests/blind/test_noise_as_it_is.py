@@ -121,6 +121,16 @@ def test_an_optical_spring_is_among_the_equals_where_the_stated_sd_is_too_small(
     assert noise.found / noise.stated == pytest.approx(1 / truth["options"]["stated"], rel=0.25)
 
 
+@pytest.mark.parametrize("seed", [9100, 9117])
+def test_decays_with_spikes_alone_are_adequate_and_the_spikes_are_listed(
+    seed: int, tmp_path: Path
+) -> None:
+    make(Draw("decay", (), "glitches", "square-270um", seed), tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert found.verdict == "adequate"
+    assert found.excluded
+
+
 @pytest.mark.parametrize(
     ("regime", "seed"), [("beside unknown", 192734879), ("inexact", 2051864008)]
 )

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from femnl import measurement
 from femnl.core.errors import MeasurementError
 from femnl.effects import library
-from femnl.fits.decay.interruptions import interruptions
+from femnl.fits.decay.interruptions import interruptions, spikes
 from femnl.fits.decay.pose import pose
 from femnl.fits.decay.readout import Noisy, beats, wander_of
 from femnl.fits.decay.window import window
@@ -139,6 +139,69 @@ def test_dropouts_and_spikes_interrupt_and_bends_and_beats_do_not() -> None:
     # What stays away is no interruption
     power[300:] -= 10
     assert len(interruptions(power, every)) == 2
+
+
+@pytest.mark.parametrize("size", [0.5, -0.5, 3.0, 20.0])
+def test_a_jump_that_a_filter_smears_is_left_out_with_its_edges(size: float) -> None:
+    rng = np.random.default_rng(8)
+    time = np.arange(400.0)
+    straight = -0.1 * time + 0.02 * rng.normal(size=400)
+    pulse = size * np.exp(-0.5 * ((time - 200) / 1.0) ** 2)
+    (found,) = interruptions(straight + pulse, np.ones(400, dtype=bool))
+    left = np.abs(pulse) > 0.1
+    left[found.first : found.stop] = False
+    assert not left.any()
+    assert found.stop - found.first <= 13
+
+
+def falling(rng: np.random.Generator, correlation: float, pulse: Array | float = 0.0) -> Array:
+    """Return the power [dB] of 600 points that fall by 40 dB to noise, behind a filter."""
+    decay = 10 ** ((40 - 0.13 * np.arange(600.0)) / 20)
+    memory = np.exp(-1 / correlation)
+    white = rng.normal(size=(700, 2)) @ [1, 1j] / np.sqrt(2)
+    noise = lfilter([np.sqrt(1 - memory**2)], [1, -memory], white)[100:]
+    return np.asarray(20 * np.log10(np.abs(decay + pulse + noise)))
+
+
+@pytest.mark.parametrize("correlation", [0.2, 1.0, 4.0])
+def test_noise_behind_a_filter_has_no_spikes(correlation: float) -> None:
+    rng = np.random.default_rng(11)
+    every = np.ones(600, dtype=bool)
+    found = [spikes(falling(rng, correlation), every) for _ in range(100)]
+    assert sum(map(len, found)) <= 2
+
+
+@pytest.mark.parametrize("place", [200, 350, 500])
+@pytest.mark.parametrize("correlation", [0.2, 1.0])
+def test_spikes_stand_out_of_the_floor_and_of_the_end_of_a_decay(
+    correlation: float, place: int
+) -> None:
+    rng = np.random.default_rng(12)
+    time = np.arange(600.0)
+    pulse = 12 * np.exp(-0.5 * ((time - place) / 0.8) ** 2)
+    (found,) = spikes(falling(rng, correlation, pulse), np.ones(600, dtype=bool))
+    assert found.first <= place < found.stop <= found.first + 12
+    assert found.sigma > 6
+
+
+def test_a_fade_and_a_bend_at_the_begin_are_no_spikes() -> None:
+    rng = np.random.default_rng(13)
+    time = np.arange(600.0)
+    power = falling(rng, 1.0)
+    power[:10] += 3 * np.exp(-time[:10] / 3)
+    power[400:404] -= 40
+    assert spikes(power, np.ones(600, dtype=bool)) == ()
+
+
+def test_a_jump_of_the_phase_alone_is_listed_and_no_residual() -> None:
+    time, power, begin = record(8)
+    angle = 0.3 * (time - time[begin])
+    angle[begin + 60 : begin + 62] += 0.4
+    volts = 10 ** (power / 20) * np.exp(1j * angle)
+    model = pose(measurement.decay(time, real=volts.real, imag=volts.imag))
+    (listed,) = model.left_out
+    assert listed[0] == f"phase, {time[begin + 60]:.5g} … {time[begin + 61]:.5g} s"
+    assert listed[1] > 8
 
 
 def test_a_leak_that_takes_over_belongs_to_what_is_compared() -> None:

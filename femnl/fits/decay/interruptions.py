@@ -1,12 +1,12 @@
-"""Where a decay is left by a jump and taken up again: points that are no part of it."""
+"""Where a record is left by a jump and taken up again: points that are no part of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.observe.decay.record import PowerRecord
+from femnl.observe.decay.record import DB, PowerRecord
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -20,22 +20,36 @@ MOST = 0.25
 """Part of the decay that may be interrupted: beyond, the law is wrong instead."""
 NEIGHBOURS = 61
 """Differences around one that tell what is usual."""
+BESIDE = 12
+"""Points on either side of an interruption that tell the line which its edges are held against."""
+EDGE = 6
+"""Points on either side that a filter may smear a jump over."""
+OFF = 3.0
+"""Scatters about that line from which on such a point belongs to the interruption."""
+SPIKE = 6.0
+"""Scatters by which an amplitude is never off its neighbours: that of noise alone is above them by
+so many once in 600 000 points.
+"""
+MEDIAN_SCATTER = 0.56
+"""Scatter of the amplitude of noise alone, in medians of it."""
 MAD = 1.4826
 
 
 @dataclass(frozen=True)
 class Interruption:
-    """Points first … stop − 1 of a record, which deviate by up to so many scatters."""
+    """Points first … stop − 1 of a record, which deviate by up to so many scatters in what."""
 
     first: int
     stop: int
     sigma: float
+    what: str = "power"
 
 
 def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:
     """Return where a decay is left by a jump and taken up again on the line that it had.
 
-    A bend has no jumps, and a beat comes back without one.
+    A bend has no jumps, and a beat comes back without one. An analyser's filter smears a jump over
+    its neighbours, which belong to it.
     Args: power (n,) [dB]; decay (n,): the points of one run that is to be looked at.
     """
     inside = np.flatnonzero(decay)
@@ -54,10 +68,59 @@ def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:
             continue
         line = y[k] + usual[k] * np.arange(1, stop - k)
         sigma = float(np.max(np.abs(y[k + 1 : stop] - line)) / (limit[k] / JUMP))
-        found.append(Interruption(int(inside[k + 1]), int(inside[stop - 1]) + 1, sigma))
+        found.append(Interruption(k + 1, stop, sigma))
         k = stop
-    lost = sum(one.stop - one.first for one in found)
-    return tuple(found) if lost <= MOST * len(y) else ()
+    whole = _in_record(_with_edges(y, found), inside)
+    lost = sum(one.stop - one.first for one in whole)
+    return whole if lost <= MOST * len(y) else ()
+
+
+def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
+    """Return where a record is off the line through its neighbours by more than noise ever is.
+
+    The amplitude of noise behind a filter has a Rayleigh distribution, that of a mode in it a
+    normal one, or nearly: both end so fast that what is far off is no noise. Fades of noise go to
+    no amplitude at most, and are no spikes. Neighbours tell how much the amplitude scatters, but
+    never less than the noise that the weakest of them show.
+    Args: power (n,) [dB]; points (n,): those of the decay and of the floor.
+    """
+    inside = np.flatnonzero(points)
+    if len(inside) < 2 * NEIGHBOURS:
+        return ()
+    y = power[inside]
+    slope, _ = _around(np.diff(y))
+    fallen = np.concatenate([[0.0], np.cumsum(slope)])
+    line = fallen + _around(y - fallen)[0]
+    amplitude = 10 ** ((y - line) / 20)
+    of_noise = MEDIAN_SCATTER * 10 ** ((np.quantile(line, 0.25) - line) / 20)
+    off = np.abs(amplitude - 1) / np.maximum(_around(amplitude)[1], of_noise)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], off > SPIKE, [False]])))
+    found = [
+        Interruption(first, stop, float(off[first:stop].max()))
+        for first, stop in edges.reshape(-1, 2).tolist()
+    ]
+    # At its begin a record may bend, and slow noise is off for longer
+    sharp = [
+        one
+        for one in _with_edges(y, found)
+        if one.first >= BESIDE and one.stop - one.first <= 2 * EDGE
+    ]
+    whole = _in_record(sharp, inside)
+    lost = sum(one.stop - one.first for one in whole)
+    return whole if lost <= MOST * len(y) else ()
+
+
+def turns(record: PowerRecord, decay: Mask) -> tuple[Interruption, ...]:
+    """Return where the phase of a decay is left by a jump and taken up again.
+
+    Args: decay (n,): points at which the phase stands out of the noise.
+    """
+    if record.phase is None:
+        return ()
+    turned = np.zeros(len(record.time))
+    # Noise turns a phase as much as it changes ln of the amplitude
+    turned[decay] = 2 * DB * np.unwrap(record.phase[decay])
+    return tuple(replace(one, what="phase") for one in interruptions(turned, decay))
 
 
 def _around(difference: Array) -> tuple[Array, Array]:
@@ -85,12 +148,62 @@ def _taken_up(y: Array, k: int, slope: float, limit: Array, longest: int) -> int
     return None
 
 
+def _with_edges(y: Array, found: Sequence[Interruption]) -> list[Interruption]:
+    """Return interruptions with the points on either side that are off as well.
+
+    They are held against a line through what lies beyond them.
+    """
+    lost = np.zeros(len(y), dtype=bool)
+    for one in found:
+        lost[one.first : one.stop] = True
+    place = np.arange(len(y))
+    wider = lost.copy()
+    for one in found:
+        near = (place >= one.first - EDGE) & (place < one.stop + EDGE)
+        beyond = (place >= one.first - EDGE - BESIDE) & (place < one.stop + EDGE + BESIDE)
+        beyond &= ~near & ~lost
+        if np.count_nonzero(beyond) < BESIDE:
+            continue
+        line = np.polynomial.Polynomial.fit(place[beyond], y[beyond], 1)
+        away = y - line(place)
+        scatter = MAD * float(np.median(np.abs(away[beyond])))
+        off = np.abs(away) > max(OFF * scatter, LEAST_JUMP)
+        first = one.first
+        while first > max(one.first - EDGE, 0) and off[first - 1]:
+            first -= 1
+        stop = one.stop
+        while stop < min(one.stop + EDGE, len(y)) and off[stop]:
+            stop += 1
+        wider[first:stop] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], wider, [False]])))
+    return [
+        Interruption(first, stop, max(one.sigma for one in found if first <= one.first < stop))
+        for first, stop in edges.reshape(-1, 2).tolist()
+    ]
+
+
+def _in_record(found: Sequence[Interruption], inside: NDArray[np.intp]) -> tuple[Interruption, ...]:
+    """Return interruptions of some points of a record as those of the record."""
+    return tuple(
+        Interruption(int(inside[one.first]), int(inside[one.stop - 1]) + 1, one.sigma)
+        for one in found
+    )
+
+
+def without(points: Mask, stopped: Sequence[Interruption]) -> Mask:
+    """Return some points (n,) without those of interruptions."""
+    left = points.copy()
+    for one in stopped:
+        left[one.first : one.stop] = False
+    return left
+
+
 def listed(record: PowerRecord, stopped: Sequence[Interruption]) -> tuple[tuple[str, float], ...]:
     """Return where each interruption is, in words, and by how many scatters it deviates."""
     found = []
     for one in stopped:
         begin = record.time[one.first]
         end = record.time[one.stop - 1]
-        where = f"power at {begin:.5g} s" if begin == end else f"power, {begin:.5g} … {end:.5g} s"
-        found.append((where, one.sigma))
+        when = f" at {begin:.5g} s" if begin == end else f", {begin:.5g} … {end:.5g} s"
+        found.append((one.what + when, one.sigma))
     return tuple(found)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.checkpoint import Checkpoint
@@ -35,14 +34,13 @@ class Phase:
 
 
 def phase_of(
-    dataset: xr.Dataset,
     record: PowerRecord,
     seen: Window,
     data: Compared,
     checkpoint: Checkpoint | None,
 ) -> Phase | None:
     """Return the phase as long as the signal is strong, None where none was recorded."""
-    if "real" not in dataset or "imag" not in dataset:
+    if record.phase is None:
         return None
     weak = np.flatnonzero((data.log_ratio < np.log(STRONG)) | ~data.of_decay)
     count = int(weak[0]) if len(weak) else len(data.blocks.time)
@@ -51,9 +49,7 @@ def phase_of(
     chosen = np.arange(len(data.blocks.time)) < count
     blocks = part_of(data.blocks, chosen)
     points = int(blocks.first[-1] + blocks.count[-1])
-    known = np.isfinite(dataset["real"].values) & (np.hypot(dataset["real"], dataset["imag"]) > 0)
-    volts = (dataset["real"].values + 1j * dataset["imag"].values)[np.asarray(known)]
-    angle = np.unwrap(np.angle(volts[seen.used][:points]))
+    angle = np.unwrap(record.phase[seen.used][:points])
     values = blocks.mean(angle)
     time = record.time[seen.used][:points]
     # Of the noise behind the filter, half is across the amplitude

@@ -84,7 +84,7 @@ def pose(
     noise = noise + drifting(data.blocks, share, GAIN / DB, SLOW * whole)
     base, start = _base(record, seen, data)
     scales = _scales(seen, data)
-    phase = phase_of(dataset, record, seen, data, checkpoint)
+    phase = phase_of(record, seen, data, checkpoint)
     # A phase is followed from point to point
     time, blocks = nodes(data) if phase is None else (data.time, data.blocks)
     if phase is not None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from femnl.fits.decay.interruptions import spikes, without
 from femnl.fits.decay.leak import over_a_leak
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING, Likelihood, averages_of, start_values
 from femnl.fits.decay.periods import at_cycles
@@ -231,7 +232,9 @@ def fit_stretch(
 ) -> Found:
     """Fit a stretch, and again without what interrupts it; start: of a pair's parameters."""
     terms = () if term is None else (term,)
-    floor = logical(segmentation, segmentation.floor, len(record.time))
+    lost = spikes(record.power, stretch.used)
+    stretch = replace(stretch, used=without(stretch.used, lost))
+    floor = without(logical(segmentation, segmentation.floor, len(record.time)), lost)
     log_power = (record.power - stretch.reference) / DB
     seen = float(np.log(np.mean(np.exp(log_power[floor])))) if floor.any() else None
     averages = averages_of(log_power[floor])

@@ -7,7 +7,14 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.fits.decay.interruptions import LONGEST, Interruption, interruptions
+from femnl.fits.decay.interruptions import (
+    LONGEST,
+    Interruption,
+    interruptions,
+    spikes,
+    turns,
+    without,
+)
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING
 from femnl.fits.decay.readout import beats
 from femnl.fits.decay.stretch import DEEP, Found, choose, fit_stretch, stretch_of
@@ -20,7 +27,7 @@ from femnl.observe.decay.phases import (
     segment,
 )
 from femnl.observe.decay.pieces import Piece
-from femnl.observe.decay.record import PowerRecord
+from femnl.observe.decay.record import DB, PowerRecord
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -52,6 +59,8 @@ in parts of that before: less is a floor that drifts.
 LEAST_FALL = 2.0
 SPREADS = 3.0
 """dB, and scatters, by which a piece must fall to be no floor."""
+PHASED = 13.0
+"""dB over the noise from which on a phase can be followed from point to point."""
 FLOOR_PART = 0.5
 """Floor that is compared, in parts of the decay: more of it says nothing of the mode."""
 
@@ -102,10 +111,18 @@ def window(record: PowerRecord) -> Window:
     length = np.count_nonzero(decay)
     floor = logical(members, members.floor, count)
     floor[np.flatnonzero(floor)[int(FLOOR_PART * length) :]] = False
-    stopped = interruptions(record.power, decay)
-    for one in stopped:
-        decay[one.first : one.stop] = False
-    return Window(decay, floor & ~decay, stopped, found)
+    floor &= ~decay
+    stopped = list(interruptions(record.power, decay))
+    # What comes after the decay tells how large the noise is, recognised as a floor or not
+    after = np.zeros(count, dtype=bool)
+    after[first : members.recorded] = True
+    sharp = spikes(record.power, without(after, stopped))
+    stopped += [one for one in sharp if (decay | floor)[one.first : one.stop].any()]
+    left = without(decay | floor, stopped)
+    noise = found.stretch.reference + DB * found.values[2]
+    stopped += turns(record, left & decay & (record.power > noise + PHASED))
+    left = without(left, stopped)
+    return Window(left & decay, left & floor, tuple(stopped), found)
 
 
 def _stronger(found: Found, time: Array) -> int:

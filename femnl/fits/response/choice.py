@@ -56,8 +56,8 @@ class Choice:
 class FirstLook:
     """What few fits tell of complex data.
 
-    phase_sign: +1 for exp(+iωt), −1 for exp(−iωt). on_circle: whether a Duffing mode meets them
-    beside a background that grows with the drive, and no linear one does.
+    phase_sign: +1 for exp(+iωt), −1 for exp(−iωt). on_circle: whether a Duffing mode beside a
+    background that grows with the drive leaves little more than the noise, and no linear one does.
     """
 
     phase_sign: int
@@ -87,7 +87,7 @@ def first_look(sweeps: Sweeps, layout: Layout) -> FirstLook:
     """Return what few fits tell of complex data; see `choose` for the sign of their phase."""
     tried = _begun(sweeps, layout, "complex", Asked())
     sign = _sign(sweeps, tried)
-    return FirstLook(sign, tried[sign].met_on_circle)
+    return FirstLook(sign, tried[sign].quiet_on_circle)
 
 
 def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, TriedModels]:

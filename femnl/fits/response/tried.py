@@ -176,10 +176,10 @@ class TriedModels:
         return Variant(self.forms[-1], self._drives, late, duffing=True)
 
     @property
-    def met_on_circle(self) -> bool:
-        """Whether that model meets the data, and leaves least."""
+    def quiet_on_circle(self) -> bool:
+        """Whether that model leaves least, and little more than the noise."""
         one = self.found.get(self._of_circle)
-        return one is not None and self.met and one.chi2 == self.least
+        return one is not None and one.chi2_reduced < ADEQUATE and one.chi2 == self.least
 
     def fit_on_circle(self) -> None:
         """Fit a Duffing model beside a background that grows with the drive, from its circle."""

@@ -20,13 +20,15 @@ DB = 10 / np.log(10)
 class PowerRecord:
     """Power (n,) [dB] at times (n,) [s] that rise, without missing points.
 
-    frequency of the mode, bandwidth of the analyser [Hz]: None where not known.
+    frequency of the mode, bandwidth of the analyser [Hz]: None where not known. phase (n,) [rad],
+    between −π and π: None where it was not recorded.
     """
 
     time: Array
     power: Array
     frequency: float | None
     bandwidth: float | None
+    phase: Array | None = None
 
     @property
     def interval(self) -> float:
@@ -69,4 +71,9 @@ def power_record(dataset: xr.Dataset) -> PowerRecord:
     number = {
         key: float(dataset.attrs[key]) for key in ("frequency", "bandwidth") if key in dataset.attrs
     }
-    return PowerRecord(time[known], power[known], number.get("frequency"), number.get("bandwidth"))
+    phase = None
+    if "real" in dataset and "imag" in dataset:
+        phase = np.arctan2(dataset["imag"].values[known], dataset["real"].values[known])
+    return PowerRecord(
+        time[known], power[known], number.get("frequency"), number.get("bandwidth"), phase
+    )

@@ -6,10 +6,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from tests.blind.lab.bench import Array
+from tests.blind.lab.decay import STEPS
 from tests.blind.realistic.regimes import Options
 
-PAIRED = ("response", "map")
+PAIRED = ("response", "map", "decay")
 """Kinds whose data are complex: a glitch is in both quadratures."""
+BEFORE_FILTER = "decay"
+"""The kind whose noise, and so its glitches, go through a filter; other noise of it is a gain's."""
 
 
 class RealNoise:
@@ -31,7 +34,7 @@ class RealNoise:
     def standard_normal(self, size: Any, /) -> Any:
         """Return noise of that shape, correlated along its last axis."""
         noise = correlated(self.rng.standard_normal(size), self.options.correlation)
-        if self.options.glitches:
+        if self.options.glitches and not (self.kind == BEFORE_FILTER and self.glitches):
             self._hit(noise)
         noise = noise / self.options.stated
         if self.more is not None:
@@ -43,7 +46,8 @@ class RealNoise:
         """Add glitches at random points."""
         paired = self.kind in PAIRED
         flat = noise.reshape(2 if paired else 1, -1)
-        count = max(1, round(self.options.glitches * flat.shape[1]))
+        points = flat.shape[1] // (STEPS if self.kind == BEFORE_FILTER else 1)
+        count = max(1, round(self.options.glitches * points))
         where = self.rng.choice(flat.shape[1], count, replace=False)
         low, high = np.log(self.options.glitch_size)
         size = np.exp(self.rng.uniform(low, high, count))

@@ -75,15 +75,15 @@ ALONE = Regime("unknown alone", unknown=(30.0, 3000.0))
 """Nothing but what no library has, of so many σ; not part of the study of verdicts."""
 QUIET = ("exact", "glitches", "correlated noise", "wrong sd", "as fabricated")
 """Regimes in which nothing is hidden in some files."""
-MANY = ("response", "map", "trace", "record")
+MANY = ("response", "map", "trace", "record", "decay")
 """Kinds of a hundred data and more, of which one per cent or less can be glitches."""
 
 
 def allowed(regime: str, kind: str) -> bool:
     """Whether there are files of a regime for a kind of measurement."""
-    if kind == "decay":
-        # Its files state no noise, and what hits single points of it is no signal behind a filter
-        return regime not in ("glitches", "wrong sd")
+    if kind == "decay" and regime == "wrong sd":
+        # Its files state no noise
+        return False
     return regime != "glitches" or kind in MANY
 
 

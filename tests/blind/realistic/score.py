@@ -22,6 +22,8 @@ from tests.blind.records import read_studies
 
 CLEAR = 7.0
 """σ from which on a glitch is to be listed."""
+UNSEEN = ("decay",)
+"""Kinds in which some glitches are seen by nobody: in a plateau, or in the phase of a power."""
 LISTED = 0.9
 SPARE = 2
 """Part of the glitches that must be listed, and how many others may be beyond a tenth of them."""
@@ -167,7 +169,10 @@ def _events(good: list[Record]) -> dict[str, Event]:
         "lacking": (lacking, lambda r: [not wrong(r)]),
         "intervals": (good, held),
         "shares": (caused, near_shares),
-        "glitches": ([r for r in good if r["glitches"]], lambda r: [listed(r)]),
+        "glitches": (
+            [r for r in good if r["glitches"] and r["kind"] not in UNSEEN],
+            lambda r: [listed(r)],
+        ),
         "in time": (good, lambda r: [r["verdict"] != "none in time"]),
     }
 
