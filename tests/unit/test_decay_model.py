@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from femnl import measurement
 from femnl.core.errors import MeasurementError
 from femnl.effects import library
-from femnl.fits.decay.interruptions import interruptions, spikes
+from femnl.fits.decay.interruptions import interruptions, spikes, turns
 from femnl.fits.decay.pose import pose
 from femnl.fits.decay.readout import Noisy, beats, wander_of
 from femnl.fits.decay.window import window
@@ -28,7 +28,7 @@ from femnl.observe.decay.blocks import (
     read,
 )
 from femnl.observe.decay.model import AS_MEASURED, DecayModel, Setting
-from femnl.observe.decay.record import DB, power_record
+from femnl.observe.decay.record import DB, power_record, unwrapped
 from femnl.observe.extended import ExtendedModel
 from tests.unit.decay_records import RATE, TONE, record
 
@@ -191,6 +191,29 @@ def test_a_fade_and_a_bend_at_the_begin_are_no_spikes() -> None:
     power[:10] += 3 * np.exp(-time[:10] / 3)
     power[400:404] -= 40
     assert spikes(power, np.ones(600, dtype=bool)) == ()
+
+
+def test_steps_of_what_is_written_are_no_spikes() -> None:
+    rng = np.random.default_rng(14)
+    time = np.arange(600.0)
+    power = np.round(-0.05 * time + 0.003 * rng.normal(size=600), 2)
+    assert spikes(power, np.ones(600, dtype=bool)) == ()
+
+
+def test_points_left_out_hide_no_turns_of_a_fast_phase() -> None:
+    place = np.delete(np.arange(300), slice(100, 104))
+    phase = 1.0 * place
+    wrapped = np.angle(np.exp(1j * phase))
+    found = unwrapped(wrapped, place)
+    np.testing.assert_allclose(found - found[0], phase - phase[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("seen", [0, 1, 5])
+def test_a_phase_that_stands_out_nowhere_has_no_jumps(seen: int) -> None:
+    time = np.arange(100.0)
+    volts = np.exp(1j * time)
+    record_of = power_record(measurement.decay(time, real=volts.real, imag=volts.imag))
+    assert turns(record_of, time < seen) == ()
 
 
 def test_a_jump_of_the_phase_alone_is_listed_and_no_residual() -> None:

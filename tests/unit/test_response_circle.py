@@ -57,7 +57,7 @@ def test_sweeps_that_run_over_the_circle_the_other_way_have_no_falling_phase() -
     assert theta is None or layout.split(theta)[1] > 10 * F0 / Q
 
 
-def test_one_point_or_a_line_is_no_circle() -> None:
+def test_one_point_is_no_circle() -> None:
     sweeps = leaking()
     layout = beside(sweeps)
     for height in (0.0, 1 + 2j):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.observe.decay.record import DB, PowerRecord
+from femnl.observe.decay.record import DB, PowerRecord, unwrapped
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -76,13 +76,14 @@ def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:
 
 
 def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
-    """Return where a record is off the line through its neighbours by more than noise ever is.
+    """Return where a record is off the running median of its neighbours by more than noise ever is.
 
     The amplitude of noise behind a filter has a Rayleigh distribution, that of a mode in it a
-    normal one, or nearly: both end so fast that what is far off is no noise. Fades of noise go to
-    no amplitude at most, and are no spikes. Neighbours tell how much the amplitude scatters, but
-    never less than the noise that the weakest of them show.
-    Args: power (n,) [dB]; points (n,): those of the decay and of the floor.
+    normal one, or nearly: both end so fast that what is far off is no noise. A fade loses the whole
+    amplitude at most, and is no spike in noise. Neighbours tell how much the amplitude scatters,
+    but never less than the noise that the weakest quarter of the points shows.
+    Args: power (n,) [dB]; points (n,): those of the decay and of what comes after it.
+    Returns: nothing of fewer than two windows of neighbours.
     """
     inside = np.flatnonzero(points)
     if len(inside) < 2 * NEIGHBOURS:
@@ -93,7 +94,8 @@ def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
     line = fallen + _around(y - fallen)[0]
     amplitude = 10 ** ((y - line) / 20)
     of_noise = MEDIAN_SCATTER * 10 ** ((np.quantile(line, 0.25) - line) / 20)
-    off = np.abs(amplitude - 1) / np.maximum(_around(amplitude)[1], of_noise)
+    scatter = np.maximum(_around(amplitude)[1], of_noise)
+    off = np.abs(amplitude - 1) / np.maximum(scatter, LEAST_JUMP / (2 * DB * SPIKE))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], off > SPIKE, [False]])))
     found = [
         Interruption(first, stop, float(off[first:stop].max()))
@@ -115,11 +117,12 @@ def turns(record: PowerRecord, decay: Mask) -> tuple[Interruption, ...]:
 
     Args: decay (n,): points at which the phase stands out of the noise.
     """
-    if record.phase is None:
+    place = np.flatnonzero(decay)
+    if record.phase is None or len(place) < NEIGHBOURS:
         return ()
     turned = np.zeros(len(record.time))
     # Noise turns a phase as much as it changes ln of the amplitude
-    turned[decay] = 2 * DB * np.unwrap(record.phase[decay])
+    turned[place] = 2 * DB * unwrapped(record.phase[place], place)
     return tuple(replace(one, what="phase") for one in interruptions(turned, decay))
 
 

@@ -13,7 +13,7 @@ from femnl.fits.decay.stretch import Found
 from femnl.fits.decay.window import Window
 from femnl.observe.decay.blocks import Blocks, Whitening, part_of
 from femnl.observe.decay.law import turned_by_pair
-from femnl.observe.decay.record import PowerRecord
+from femnl.observe.decay.record import PowerRecord, unwrapped
 
 Array = NDArray[np.float64]
 ACROSS = 4.0
@@ -49,7 +49,8 @@ def phase_of(
     chosen = np.arange(len(data.blocks.time)) < count
     blocks = part_of(data.blocks, chosen)
     points = int(blocks.first[-1] + blocks.count[-1])
-    angle = np.unwrap(record.phase[seen.used][:points])
+    used = np.flatnonzero(seen.used)[:points]
+    angle = unwrapped(record.phase[used], used)
     values = blocks.mean(angle)
     time = record.time[seen.used][:points]
     # Of the noise behind the filter, half is across the amplitude

@@ -69,8 +69,8 @@ FLOOR_PART = 0.5
 class Window:
     """What of a record is compared.
 
-    decay, floor (n,): its points, without interruptions. end [s]: of the decay. found: the fit of
-    a law that `choose` finds, from which noise and start values follow.
+    decay, floor (n,): its points, without interruptions. found: the fit of a law that
+    `choose` finds, from which noise and start values follow.
     """
 
     decay: Mask

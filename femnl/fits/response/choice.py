@@ -91,7 +91,10 @@ def first_look(sweeps: Sweeps, layout: Layout) -> FirstLook:
 
 
 def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, TriedModels]:
-    """Return by the sign of the phase, where it is open, the fits that decide on it."""
+    """Return the fits that decide on the sign of the phase, by the signs that are open.
+
+    Duffing models are among them, from circles and then across folds, where no linear one meets.
+    """
     signs = [asked.phase_sign] if asked.phase_sign else [1, -1]
     if use == "magnitude" or not sweeps.phases:
         signs = [1]
@@ -114,7 +117,7 @@ def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, 
 
 
 def _search_folds(tried: Mapping[int, TriedModels], likely: int) -> None:
-    """Fit Duffing models across folds, the likely sign of the phase first, until one decides."""
+    """Add Duffing models across folds to `tried`, the likely sign first, until one decides."""
     if _clear(tried, likely):
         # Where linear models decide, folds need no search
         return

@@ -2,8 +2,8 @@
 
 V/drive = C + B/(X + i): where the damping is constant, the detuning X is real, whatever the
 amplitude does to it. So V/drive of all sweeps lies on one circle, which holds C. Once a place of C
-is chosen on it, each point tells its X, and X = 2(f₀ − f)/w + a|b|² is linear in what is sought,
-whatever branch a point lies on.
+is chosen on it, each point tells its X, and X = 2(f₀ − f)/w + a drive²/(1 + X²) is linear in f₀/w,
+1/w and a, whatever branch a point lies on.
 """
 
 from dataclasses import dataclass
@@ -18,6 +18,8 @@ PLACES = np.linspace(0, 2 * np.pi, 360, endpoint=False)
 """Places of C on the circle that are tried, as φ of B."""
 FEWEST = 8
 """Points of a circle and a line through their detunings."""
+SMALLEST = 1e-12
+"""Radius by the distance from 0 of a circle that is no rounding."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +49,19 @@ class _Circle:
     def detuning(self, phi: float) -> tuple[Array, Array]:
         """Return X of each point, and its weight: 1/sd, both (n,)."""
         away = self.points - self.background(phi)
-        away = np.where(away == 0, np.finfo(float).tiny, away)
         size = 2 * self.radius
+        away = np.where(away == 0, np.finfo(float).eps * size, away)
         detuning = np.real(size * np.exp(1j * phi) / away)
         return detuning, self.weight * size / (1 + detuning**2)
 
-    def line(self, phi: float) -> tuple[Array, float]:
-        """Return p of X = p₀ + p₁f + p₂|b|²drive², and what that leaves, in σ²."""
-        detuning, weight = self.detuning(phi)
+    def _columns(self, detuning: Array) -> Array:
         energy = self.drive**2 / (1 + detuning**2)
-        columns = np.column_stack([np.ones(len(detuning)), self.frequency, energy])
+        return np.column_stack([np.ones(len(detuning)), self.frequency, energy])
+
+    def line(self, phi: float) -> tuple[Array, float]:
+        """Return p of X = p₀ + p₁f + p₂ drive²/(1 + X²), and what that leaves, in σ²."""
+        detuning, weight = self.detuning(phi)
+        columns = self._columns(detuning)
         scale = np.linalg.norm(columns * weight[:, None], axis=0) + np.finfo(float).tiny
         found = np.linalg.lstsq(columns * weight[:, None] / scale, detuning * weight, rcond=1e-9)[0]
         found = np.asarray(found / scale)
@@ -67,9 +72,7 @@ class _Circle:
 
         def missed(phi: np.float64) -> float:
             detuning, weight = self.detuning(float(phi))
-            energy = self.drive**2 / (1 + detuning**2)
-            away = detuning - line[0] - line[1] * self.frequency - line[2] * energy
-            return float(np.sum((weight * away) ** 2))
+            return float(np.sum((weight * (detuning - self._columns(detuning) @ line)) ** 2))
 
         return float(min(PLACES, key=missed))
 
@@ -105,11 +108,11 @@ def circle_start(sweeps: Sweeps, layout: Layout) -> Array | None:
     step = 2 * layout.background
     theta[layout.backgrounds.start : layout.backgrounds.stop : step] = behind.real
     theta[layout.backgrounds.start + 1 : layout.backgrounds.stop : step] = behind.imag
-    return theta
+    return theta if np.isfinite(theta).all() else None
 
 
 def _circle(sweeps: Sweeps, position: int, centre: float) -> _Circle | None:
-    """Return the circle through V/drive at one position, None through too few points or a line.
+    """Return the circle through V/drive at one position, None through too few or equal points.
 
     It minimises Σ(weight (|z − c|² − r²))², which is linear in c and r² − |c|².
     """
@@ -121,7 +124,7 @@ def _circle(sweeps: Sweeps, position: int, centre: float) -> _Circle | None:
     weight = drive / sweeps.noise
     middle = complex(np.mean(points))
     size = float(np.abs(points - middle).max())
-    if not (np.isfinite(size) and size > 0):
+    if not (np.isfinite(size) and size > SMALLEST * abs(middle)):
         return None
     z = (points - middle) / size
     columns = np.column_stack([2 * z.real, 2 * z.imag, np.ones(len(z))]) * weight[:, None]

@@ -99,10 +99,11 @@ def _fitted(
     *,
     on_circle: bool = False,
 ) -> tuple[Fit, float, Fit]:
-    """Return a fit of one mode, how strong the background is [V/V] that hides it, or 0, and a fit.
+    """Return a fit to start from, the background that hides the mode [V/V], and a fit for a sign.
 
-    The last one tells whether the mode stiffens or softens: it is that beside a background where
-    this is far better, since a leak bends a linear resonance either way.
+    The background is 0 where none hides it. The last fit tells whether the mode stiffens or
+    softens: it is that beside a background where this is far better, since a leak bends a linear
+    resonance either way.
 
     Damping that grows with the amplitude, or a background, is in it where that describes the data.
     Whether they are there is for the diagnosis to say; here they only make the start safe. A

@@ -5,6 +5,7 @@ Which are tried, and from where each starts; `femnl.fits.response.choice` compar
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -54,7 +55,7 @@ def scale_of(sweeps: Sweeps, found: Iterable[Candidate]) -> float:
 
 @dataclass
 class TriedModels:
-    """TriedModels of models to the same sweeps, those made so far by their variant in `found`."""
+    """Fits of models to the same sweeps, those made so far by their variant in `found`."""
 
     sweeps: Sweeps
     like: Layout
@@ -75,9 +76,19 @@ class TriedModels:
     @property
     def met(self) -> bool:
         """Whether some model leaves no jump unexplained."""
-        volts = self.sweeps.voltage / self.sweeps.noise
-        signal = float(np.sum(np.abs(volts - volts.mean()) ** 2))
-        return self.quiet or self.least < SLIGHT**2 * signal
+        return self.quiet or self.least < SLIGHT**2 * self._signal
+
+    @cached_property
+    def _signal(self) -> float:
+        """The power of the data [σ²] beside a constant and a leak at each position."""
+        found = 0.0
+        for p in range(self.sweeps.n_positions):
+            at = self.sweeps.position == p
+            volts = self.sweeps.voltage[at] / self.sweeps.noise
+            behind = np.stack([np.ones(len(volts)), self.sweeps.drive[at]], axis=1)
+            taken = behind @ np.linalg.lstsq(behind, volts, rcond=None)[0]
+            found += float(np.sum(np.abs(volts - taken) ** 2))
+        return found
 
     def cheapest(self, *, duffing: bool) -> Candidate | None:
         """Return the model of the least criterion among those with, or without, a Duffing term."""
@@ -164,20 +175,20 @@ class TriedModels:
             starts = linear_starts(self.sweeps, layout, late=False)[:1]
             if last is not None:
                 starts.append(carried(last.theta, last.misfit.layout, layout))
-            lost = form == "constant" and self.least > UNFOLDED * linear
-            last = self.fit(variant, starts, search=last is None or lost)
+            searched = form == "constant" and last is not None and last.chi2 > UNFOLDED * linear
+            last = self.fit(variant, starts, search=last is None or searched)
             if self.met or (form == "constant" and last.chi2 > UNFOLDED * linear):
                 return
 
     @property
     def _of_circle(self) -> Variant:
-        """The model that a circle tells a start of."""
+        """The model whose fit starts from a circle."""
         late: Delay = "resonance" if self.late == "all" else "none"
         return Variant(self.forms[-1], self._drives, late, duffing=True)
 
     @property
     def quiet_on_circle(self) -> bool:
-        """Whether that model leaves least, and little more than the noise."""
+        """Whether the model from a circle leaves least, and little more than the noise."""
         one = self.found.get(self._of_circle)
         return one is not None and one.chi2_reduced < ADEQUATE and one.chi2 == self.least
 
@@ -186,8 +197,10 @@ class TriedModels:
         if self.asked.duffing is False or self.use != "complex" or self.forms[-1] == "none":
             return
         variant = self._of_circle
+        if variant in self.found:
+            return
         start = circle_start(self.sweeps, variant.layout(self.like))
-        if start is not None and variant not in self.found:
+        if start is not None:
             self.fit(variant, [start])
 
     def fit_complex(self) -> None:

@@ -36,6 +36,18 @@ class PowerRecord:
         return float(np.median(np.diff(self.time)))
 
 
+def unwrapped(phase: Array, place: NDArray[np.intp]) -> Array:
+    """Return a phase (n,) [rad] without its jumps of 2π.
+
+    A steady turning is taken off first, so that points which are left out do not hide whole turns.
+    Args: place (n,): numbers of the points in their record.
+    """
+    steps = np.diff(phase)[np.diff(place) == 1]
+    rate = float(np.angle(np.mean(np.exp(1j * steps)))) if len(steps) else 0.0
+    steady = rate * place
+    return np.asarray(np.unwrap(phase - steady) + steady)
+
+
 def decibels(dataset: xr.Dataset) -> Array:
     """Return the power (time,) [dB] of a group of kind `decay`.
 
