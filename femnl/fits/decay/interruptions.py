@@ -24,7 +24,7 @@ BESIDE = 12
 """Points on either side of an interruption that tell the line which its edges are held against."""
 EDGE = 6
 """Points on either side that a filter may smear a jump over."""
-OFF = 3.0
+OFF = 5.0
 """Scatters about that line from which on such a point belongs to the interruption."""
 SPIKE = 6.0
 """Scatters by which an amplitude is never off its neighbours: that of noise alone is above them by
