@@ -19,9 +19,9 @@ RATIO = 10.0
 """α_y/α_c at 1 V of drive."""
 
 
-def leaking(noise: float = 2e-5, drives: tuple[float, ...] = (0.1, 0.3, 1.0)) -> Sweeps:
+def leaking() -> Sweeps:
     """Sweeps through jumps at two places, each with a leak that grows with the drive."""
-    data = simulate(drives=drives, gain=HEIGHTS, noise=noise)
+    data = simulate(gain=HEIGHTS, noise=2e-5)
     place = (data["x"] > 0).values.astype(int)
     leak = np.array(LEAKS)[place] * data["drive"].values
     return collect(
@@ -65,13 +65,15 @@ def test_one_point_is_no_circle() -> None:
         assert circle_start(replace(sweeps, voltage=volts), layout) is None
 
 
+@pytest.mark.parametrize("size", [3, 30])
 @pytest.mark.parametrize("drives", [(0.1, 0.3, 1.0), (1.0,)])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_leak_beside_jumps_is_fitted_whatever_the_sign_of_the_phase(
-    sign: int, drives: tuple[float, ...]
+    sign: int, drives: tuple[float, ...], size: int
 ) -> None:
+    """Of so many times the resonance: beside a large one, a jump that is missed is a trifle."""
     data = simulate(drives=drives)
-    leak = (0.3 + 0.4j) * data["drive"].values[:, None]
+    leak = size * 0.17 * (0.6 + 0.8j) * data["drive"].values[:, None]
     data = data.assign(real=data["real"] + leak.real, imag=sign * (data["imag"] + leak.imag))
     fit = fit_response(data, "complex")
     assert fit.phase_sign == sign

@@ -52,7 +52,7 @@ def phase_of(
     used = np.flatnonzero(seen.used)[:points]
     angle = unwrapped(record.phase[used], used)
     values = blocks.mean(angle)
-    time = record.time[seen.used][:points]
+    time = record.time[used]
     # Of the noise behind the filter, half is across the amplitude
     share = 1 / (1 + np.exp(-data.log_ratio[chosen]))
     turning = Fluctuating(

@@ -22,8 +22,8 @@ LED_ASTRAY = 100.0
 factor by which it must change the linewidth, and factor by which it must lower χ² there, before it
 is taken to hide the resonance.
 """
-SLIGHT = 0.03
-"""Background by the resonance that hides nothing."""
+HIDES = 0.03
+"""Background by the resonance from which on one that is known to be there may hide it."""
 BENT = 10.0
 """Reduced χ² of a fit to all drives, and its factor over that of one to the weakest, from which on
 strong drives may show something else than the mode.
@@ -114,7 +114,7 @@ def _fitted(
     if on_circle:
         # A fit without the background would search in vain
         beside, background, resonance = _beside_leak(dataset, sign, place, reference)
-        return beside, background if background > SLIGHT * resonance else 0.0, beside
+        return beside, background if background > HIDES * resonance else 0.0, beside
     best = _without_background(dataset, sign)
     if best.chi2_reduced < ADEQUATE:
         return best, 0.0, best

@@ -55,13 +55,17 @@ def scale_of(sweeps: Sweeps, found: Iterable[Candidate]) -> float:
 
 @dataclass
 class TriedModels:
-    """Fits of models to the same sweeps, those made so far by their variant in `found`."""
+    """Fits of models to the same sweeps, those made so far by their variant in `found`.
+
+    across_folds: whether Duffing models were sought across folds.
+    """
 
     sweeps: Sweeps
     like: Layout
     use: Use
     asked: Asked
     found: dict[Variant, Candidate] = field(default_factory=dict)
+    across_folds: bool = False
 
     @property
     def least(self) -> float:
@@ -161,10 +165,11 @@ class TriedModels:
 
         The full search for starts is made without a background; the backgrounds follow from what it
         finds, and have a full search of their own only where that is hardly better than a linear
-        model.
+        model. The search that decided on the sign of the phase is not made again.
         """
-        if self.asked.duffing is False or self.use != "complex":
+        if self.asked.duffing is False or self.use != "complex" or self.across_folds:
             return
+        self.across_folds = True
         linear = min(
             (one.chi2 for one in self.found.values() if not one.variant.duffing), default=np.inf
         )
