@@ -58,3 +58,12 @@ def test_without_several_sweeps_nothing_is_a_spike() -> None:
     frequency, volts = resonances(8.0)
     volts[0, 70] += 600 * NOISE
     assert spikes(frequency[:2], volts[:2]) == []
+
+
+def test_neighbours_that_are_off_the_circle_of_all_others_are_spikes_together() -> None:
+    frequency, volts = resonances(8.0)
+    volts[5, 60:64] += 2e-3 * np.exp(0.7j)
+    assert spikes(frequency, volts) == [(5, k) for k in range(60, 64)]
+    # Of a mode whose damping grows with the drive there is no one circle
+    volts *= 1 / (1 + np.arange(SWEEPS)[:, None] / SWEEPS)
+    assert spikes(frequency, volts) == []

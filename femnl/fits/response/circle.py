@@ -6,18 +6,28 @@ is chosen on it, each point tells its X, and X = 2(f₀ − f)/w + a drive²/(1 
 1/w and a, whatever branch a point lies on.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from femnl.fits.outliers import MOST_GLITCHES
 from femnl.observe.response.branches import STIFFEN
 from femnl.observe.response.sweeps import Array, Complex, Sweeps
 from femnl.observe.response.theta import Layout
 
+Mask = NDArray[np.bool_]
 PLACES = np.linspace(0, 2 * np.pi, 360, endpoint=False)
 """Places of C on the circle that are tried, as φ of B."""
 FEWEST = 8
 """Points of a circle and a line through their detunings."""
+ROUNDS = 10
+"""Times that a circle is fitted without what is off it, at most."""
+APART = 6.0
+"""Scatters off the circle from which on a point may be a glitch."""
+ON_CIRCLE = 1.5
+"""Mean square [σ²] of what the others are off it, at most."""
+MAD = 1.4826
 SMALLEST = 1e-12
 """Radius by the distance from 0 of a circle that is no rounding."""
 
@@ -77,15 +87,48 @@ class _Circle:
         return float(min(PLACES, key=missed))
 
 
-def circle_start(sweeps: Sweeps, layout: Layout) -> Array | None:
-    """Return θ of a Duffing mode beside a background that grows with the drive.
+def circle_starts(sweeps: Sweeps, layout: Layout) -> list[Array]:
+    """Return starts θ of a Duffing mode beside a background that grows with the drive.
 
+    One takes the background for constant, and one for sloping where the layout has that.
     Args: layout: of a background of at least one term, with gains and phases.
-    Returns: None where no circle tells one.
     Valid: high Q; no delay; damping that does not depend on the amplitude.
     Source: the circle of a linear resonance: Petersan & Anlage, J. Appl. Phys. 84, 3392 (1998).
     """
-    circles = [_circle(sweeps, p, layout.centre) for p in range(sweeps.n_positions)]
+    level = np.zeros(sweeps.n_positions, dtype=np.complex128)
+    slopes = [level]
+    if layout.background > 1:
+        slopes.append(_slopes(sweeps, layout))
+    starts = (_start(sweeps, layout, slope) for slope in slopes)
+    return [start for start in starts if start is not None]
+
+
+def _slopes(sweeps: Sweeps, layout: Layout) -> Complex:
+    """Return C₁·span (n_positions,) [V] of a background C + C₁(f − centre) beside circles.
+
+    |z − c − C₁a|² = r² is linear in c, C₁, and the factors of a, a² and 1, taken as unknowns.
+    """
+    found = np.zeros(sweeps.n_positions, dtype=np.complex128)
+    for p in range(sweeps.n_positions):
+        at = sweeps.position == p
+        drive = sweeps.drive[at]
+        z = sweeps.voltage[at] / drive
+        z = z - z.mean()
+        a = (sweeps.frequency[at] - layout.centre) / layout.span
+        columns = [z.real, z.imag, a * z.real, a * z.imag, a, a**2, np.ones(len(a))]
+        weighted = np.stack(columns, axis=1) * drive[:, None]
+        scale = np.linalg.norm(weighted, axis=0) + np.finfo(float).tiny
+        taken = np.linalg.lstsq(weighted / scale, np.abs(z) ** 2 * drive, rcond=1e-12)[0] / scale
+        found[p] = complex(taken[2], taken[3]) / 2
+    return found
+
+
+def _start(sweeps: Sweeps, layout: Layout, slope: Complex) -> Array | None:
+    """Return θ where the background has a slope (n_positions,), None where no circle tells one."""
+    away = (sweeps.frequency - layout.centre) / layout.span
+    level = replace(sweeps, voltage=sweeps.voltage - slope[sweeps.position] * away * sweeps.drive)
+    everywhere = range(sweeps.n_positions)
+    circles = [_circle(level, level.position == p, layout.centre) for p in everywhere]
     known = [circle for circle in circles if circle is not None]
     if len(known) < len(circles):
         return None
@@ -104,19 +147,46 @@ def circle_start(sweeps: Sweeps, layout: Layout) -> Array | None:
     theta[2] = line[2] / STIFFEN
     theta[layout.gains] = np.log([2 * circle.radius for circle in known])
     theta[layout.phases] = places
-    behind = np.array([c.background(phi) for c, phi in zip(known, places, strict=True)])
-    step = 2 * layout.background
-    theta[layout.backgrounds.start : layout.backgrounds.stop : step] = behind.real
-    theta[layout.backgrounds.start + 1 : layout.backgrounds.stop : step] = behind.imag
+    behind = np.zeros((len(known), layout.background), dtype=np.complex128)
+    behind[:, 0] = [c.background(phi) for c, phi in zip(known, places, strict=True)]
+    behind[:, 0] += slope * theta[0] * layout.width / layout.span
+    behind[:, 1:] = slope[:, None]
+    theta[layout.backgrounds] = np.stack([behind.real, behind.imag], axis=-1).ravel()
     return theta if np.isfinite(theta).all() else None
 
 
-def _circle(sweeps: Sweeps, position: int, centre: float) -> _Circle | None:
-    """Return the circle through V/drive at one position, None through too few or equal points.
+def off_circle(sweeps: Sweeps) -> Mask:
+    """Return which points (n,) are far off the circle that all others lie on, at each position.
+
+    None where others are off it as well, as of a mode whose damping grows, or more than glitches
+    may be.
+    """
+    found = np.zeros(len(sweeps.voltage), dtype=bool)
+    for p in range(sweeps.n_positions):
+        here = sweeps.position == p
+        kept = here
+        for _ in range(ROUNDS):
+            circle = _circle(sweeps, kept, 0.0)
+            if circle is None:
+                break
+            away = np.abs(sweeps.voltage / sweeps.drive - circle.centre) - circle.radius
+            away = np.abs(away) * sweeps.drive / sweeps.noise
+            before = kept
+            kept = here & (away < APART * max(MAD * float(np.median(away[here])), 1.0))
+            if np.array_equal(kept, before):
+                off = here & ~kept
+                few = np.count_nonzero(off) <= MOST_GLITCHES * np.count_nonzero(here)
+                if few and np.mean(away[kept] ** 2) < ON_CIRCLE:
+                    found |= off
+                break
+    return found
+
+
+def _circle(sweeps: Sweeps, at: Mask, centre: float) -> _Circle | None:
+    """Return the circle through V/drive of some points, None through too few or equal ones.
 
     It minimises Σ(weight (|z − c|² − r²))², which is linear in c and r² − |c|².
     """
-    at = sweeps.position == position
     if np.count_nonzero(at) < FEWEST:
         return None
     drive = sweeps.drive[at]

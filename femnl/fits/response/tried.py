@@ -12,7 +12,7 @@ import numpy as np
 
 from femnl.core.choices import Background, Use
 from femnl.fits.response.candidate import Candidate
-from femnl.fits.response.circle import circle_start
+from femnl.fits.response.circle import circle_starts
 from femnl.fits.response.limits import Bounds, limits
 from femnl.fits.response.linear import linear_starts
 from femnl.fits.response.solve import solve
@@ -204,9 +204,9 @@ class TriedModels:
         variant = self._of_circle
         if variant in self.found:
             return
-        start = circle_start(self.sweeps, variant.layout(self.like))
-        if start is not None:
-            self.fit(variant, [start])
+        starts = circle_starts(self.sweeps, variant.layout(self.like))
+        if starts:
+            self.fit(variant, starts)
 
     def fit_complex(self) -> None:
         """Fit all models that may be chosen to complex data."""
