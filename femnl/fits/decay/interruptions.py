@@ -70,9 +70,7 @@ def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:
         sigma = float(np.max(np.abs(y[k + 1 : stop] - line)) / (limit[k] / JUMP))
         found.append(Interruption(k + 1, stop, sigma))
         k = stop
-    whole = _in_record(_with_edges(y, found), inside)
-    lost = sum(one.stop - one.first for one in whole)
-    return whole if lost <= MOST * len(y) else ()
+    return _in_record(_with_edges(y, found), inside)
 
 
 def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
@@ -96,10 +94,9 @@ def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
     of_noise = MEDIAN_SCATTER * 10 ** ((np.quantile(line, 0.25) - line) / 20)
     scatter = np.maximum(_around(amplitude)[1], of_noise)
     off = np.abs(amplitude - 1) / np.maximum(scatter, LEAST_JUMP / (2 * DB * SPIKE))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], off > SPIKE, [False]])))
     found = [
         Interruption(first, stop, float(off[first:stop].max()))
-        for first, stop in edges.reshape(-1, 2).tolist()
+        for first, stop in _runs(off > SPIKE)
     ]
     # At its begin a record may bend, and slow noise is off for longer
     sharp = [
@@ -107,9 +104,7 @@ def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
         for one in _with_edges(y, found)
         if one.first >= BESIDE and one.stop - one.first <= 2 * EDGE
     ]
-    whole = _in_record(sharp, inside)
-    lost = sum(one.stop - one.first for one in whole)
-    return whole if lost <= MOST * len(y) else ()
+    return _in_record(sharp, inside)
 
 
 def turns(record: PowerRecord, decay: Mask) -> tuple[Interruption, ...]:
@@ -178,15 +173,22 @@ def _with_edges(y: Array, found: Sequence[Interruption]) -> list[Interruption]:
         while stop < min(one.stop + EDGE, len(y)) and off[stop]:
             stop += 1
         wider[first:stop] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], wider, [False]])))
     return [
         Interruption(first, stop, max(one.sigma for one in found if first <= one.first < stop))
-        for first, stop in edges.reshape(-1, 2).tolist()
+        for first, stop in _runs(wider)
     ]
 
 
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    """Return first and stop of each run of true points."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
+
+
 def _in_record(found: Sequence[Interruption], inside: NDArray[np.intp]) -> tuple[Interruption, ...]:
-    """Return interruptions of some points of a record as those of the record."""
+    """Return interruptions of some points of a record as those of the record, unless too many."""
+    if sum(one.stop - one.first for one in found) > MOST * len(inside):
+        return ()
     return tuple(
         Interruption(int(inside[one.first]), int(inside[one.stop - 1]) + 1, one.sigma)
         for one in found

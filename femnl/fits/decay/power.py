@@ -9,7 +9,8 @@ import xarray as xr
 from femnl.core.decay import DecayFit
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.decay.stretch import RATE_SIGMAS, Found, choose
+from femnl.fits.decay.stretch import Found
+from femnl.fits.decay.terms import RATE_SIGMAS, fit_law
 from femnl.fits.held import Held, hold_fixed
 from femnl.observe.decay.law import UNITS, Array, Term
 from femnl.observe.decay.naming import phases
@@ -66,7 +67,7 @@ def fit_decay(
     if frequency is not None and not 0 < frequency < np.inf:
         raise ParameterError(f"frequency = {frequency:g} Hz: must be positive and finite")
     record = power_record(dataset)
-    segmentation, found = choose(record, segment(record.time, record.power))
+    segmentation, found = fit_law(record, segment(record.time, record.power))
     tone = frequency if frequency is not None else record.frequency
     held = hold_fixed(found.likelihood.names, fixed, "this decay")
     return _result(record, segmentation, _again(found, held), tone, held)

@@ -17,7 +17,8 @@ from femnl.fits.decay.interruptions import (
 )
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING
 from femnl.fits.decay.readout import beats
-from femnl.fits.decay.stretch import DEEP, Found, choose, fit_stretch, stretch_of
+from femnl.fits.decay.stretch import Found, fit_stretch, stretch_of
+from femnl.fits.decay.terms import DEEP, fit_law
 from femnl.observe.decay.phases import (
     THRESHOLDS,
     Segmentation,
@@ -70,7 +71,7 @@ class Window:
     """What of a record is compared.
 
     decay, floor (n,): its points, without interruptions. found: the fit of a law that
-    `choose` finds, from which noise and start values follow.
+    `fit_law` finds, from which noise and start values follow.
     """
 
     decay: Mask
@@ -92,7 +93,7 @@ def window(record: PowerRecord) -> Window:
     Raises: MeasurementError where nothing falls by more than its scatter explains.
     """
     fine = segment(record.time, record.power)
-    chosen, found = choose(record, fine)
+    chosen, found = fit_law(record, fine)
     # Beats that are followed to the end of a record are all that there is to compare
     whole = found.likelihood.terms == ("pair",) and chosen.decay[-1] == len(chosen.pieces) - 1
     members = chosen if whole else _members(record, fine, chosen)
