@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from femnl.chip.members import Chip
 from femnl.chip.result import Cause, Deviation, Quantity
@@ -66,7 +66,7 @@ def _alike(own: list[Deviation], measured: Array, model: Hierarchy) -> bool:
     sd = _apart(measured, model)
     off = np.array([one.log_ratio for one in own])
     away = (off - np.average(off, weights=sd**-2)) / sd
-    return bool(chi2.sf(np.sum(away**2), len(own) - 1) >= ALIKE)
+    return bool(chdtrc(len(own) - 1, np.sum(away**2)) >= ALIKE)
 
 
 def _apart(measured: Array, model: Hierarchy) -> Array:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from femnl.core.readout import Array
 from femnl.diagnose.portions import portions
@@ -181,8 +181,8 @@ def _beside(residuals: Array, degrees: int) -> Array:
     largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
     # Data without noise: the logarithm of 0 is what it should be
     with np.errstate(divide="ignore"):
-        outlier = -np.expm1(n * np.log1p(-2 * norm.sf(largest)))
+        outlier = -np.expm1(n * np.log1p(-2 * ndtr(-largest)))
     neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
     return np.column_stack(
-        [chi_square_tail(np.sum(residuals**2, axis=1), degrees), outlier, 2 * norm.sf(neighbours)]
+        [chi_square_tail(np.sum(residuals**2, axis=1), degrees), outlier, 2 * ndtr(-neighbours)]
     )

@@ -6,11 +6,11 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.diagnose.score_test import ScoreTest, basis_of, left_beside, stored
+from femnl.diagnose.spread import spread
 from femnl.diagnose.strength_slopes import Index, chord, tangents
 from femnl.fits.least_squares import FitResult
 from femnl.observe.extended import ExtendedModel
@@ -116,7 +116,7 @@ def _trial_shapes(ranges: list[_Range]) -> list[dict[str, float]]:
     """
     if not ranges:
         return [{}]
-    parts = Sobol(len(ranges), rng=np.random.default_rng(0)).random(N_SHAPES)
+    parts = spread(N_SHAPES, len(ranges))
     return [
         {one.spec.name: _at(one.spec, one.low, one.high, part) for one, part in pairs}
         for pairs in (list(zip(ranges, row, strict=True)) for row in parts)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
+from femnl.diagnose.spread import spread
 from femnl.fits.least_squares import FitResult
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.model import MeasurementModel, scale_of
@@ -190,7 +190,7 @@ def _rays(effect: Effect, low: Array, high: Array) -> Array:
     strengths = np.array([spec.strength for spec in effect.parameters])
     if strengths.all() and len(strengths) == 1:
         return np.array([[side] for side in (low[0], high[0]) if side != 0])
-    parts = Sobol(len(effect.parameters), rng=np.random.default_rng(0)).random(RAYS)
+    parts = spread(RAYS, len(effect.parameters))
     placed = low + (high - low) * parts
     logs = np.array([spec.log for spec in effect.parameters])
     placed[:, logs] = low[logs] * (high[logs] / low[logs]) ** parts[:, logs]

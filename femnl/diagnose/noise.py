@@ -6,7 +6,7 @@ stretches of the data.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import poisson
+from scipy.special import gammainc
 
 from femnl.core.readout import Array
 from femnl.diagnose.noise_level import CLEAR, MEDIAN_VARIANCE, noise_level
@@ -178,7 +178,8 @@ def _recurring(layout: Layout, datum: NDArray[np.int64], beside: Array) -> NDArr
     np.fill_diagonal(together, False)
     pairs = int(together.sum()) // 2
     by_chance = placed.sum() * (placed.sum() - 1) / 2 * 3 / conditions * by_phase
-    if poisson.sf(pairs - 1, by_chance) > COINCIDENCE:
+    # Of a Poisson distribution with that mean, the probability of at least so many
+    if pairs == 0 or gammainc(pairs, by_chance) > COINCIDENCE:
         return np.empty(0, np.int64)
     recurring: NDArray[np.int64] = datum[together.any(axis=1)]
     return recurring

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri, gammaln
 
 from femnl.core.readout import Array
 from femnl.observe.residuals import Layout
@@ -128,13 +128,12 @@ def _of_stretches(
 def _error(quiet: float, number: int) -> float:
     """Return the relative error of the factor of that part of a number of stretches.
 
-    Of a quantile, from the density of χ² there.
+    Of a quantile, from the density of ln χ² there.
     """
     freedom = STRETCH - CUBIC
-    quantile = chi2.ppf(quiet, freedom)
-    return float(
-        np.sqrt(quiet * (1 - quiet) / number) / (chi2.pdf(quantile, freedom) * quantile) / 2
-    )
+    quantile = chdtri(freedom, 1 - quiet)
+    log_density = freedom / 2 * np.log(quantile / 2) - quantile / 2 - gammaln(freedom / 2)
+    return float(np.sqrt(quiet * (1 - quiet) / number) / np.exp(log_density) / 2)
 
 
 def _first_order(

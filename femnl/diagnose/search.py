@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import Effect
@@ -233,7 +233,7 @@ def _kept(
         if known is None or result.chi2 < known.chi2:
             best[names] = result
     plain = {
-        names: Candidate(s, float(chi2.sf(s.chi2, s.degrees)), "chi-square", None)
+        names: Candidate(s, float(chdtrc(s.degrees, s.chi2)), "chi-square", None)
         for names, s in best.items()
     }
     worth = [

@@ -1,7 +1,7 @@
 """How far a datum has to stand out before it is no chance."""
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from femnl.core.readout import Array
 
@@ -24,7 +24,7 @@ def outlier_limit(away: Array) -> float:
     """
     falling = np.sort(away)[::-1]
     seen = np.arange(1, len(falling) + 1)
-    chance = len(falling) * 2 * norm.sf(falling)
+    chance = len(falling) * 2 * ndtr(-falling)
     glitches = (chance <= RARE) | ((chance * MANY <= seen) & (seen >= MANY))
     glitches &= falling >= FAINT
     return float(falling[glitches].min()) * (1 - 1e-12) if glitches.any() else np.inf

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import beta, norm
+from scipy.special import betaincinv, ndtri
 
 from femnl.core.readout import Array
 from femnl.plot.style import COLOURS, INK, new_figure, style
@@ -26,7 +26,7 @@ def quantiles_figure(residuals: Array) -> Figure:
     """
     n = residuals.size
     rank = _shown(n)
-    middle, low, high = (norm.ppf(beta.ppf(part, rank, n + 1 - rank)) for part in (0.5, *SIDES))
+    middle, low, high = (ndtri(betaincinv(rank, n + 1 - rank, part)) for part in (0.5, *SIDES))
     with style():
         figure = new_figure(4.8, 4.0)
         axes = figure.subplots()

@@ -210,3 +210,16 @@ def test_modes_that_were_kept_are_shown_without_mesher_and_tables(tmp_path: Path
     loaded(words, tmp_path, XDG_CACHE_HOME=str(tmp_path))
     found = loaded(words, tmp_path, XDG_CACHE_HOME=str(tmp_path))
     assert found.isdisjoint({"gmsh", "meshio", "numba", "pandas", "pint", "pyvista", "xarray"})
+
+
+def test_a_diagnosis_of_lines_or_sweeps_loads_no_distributions_of_scipy() -> None:
+    # They took a second of the two that it takes to load all that a diagnosis needs
+    program = (
+        "import sys, femnl.diagnose, femnl.report.diagnosis;"
+        "import femnl.fits.spectrum.pose, femnl.fits.response.pose, femnl.fits.series.pose;"
+        "sys.exit('scipy.stats' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": str(ROOT)}, check=False
+    )
+    assert done.returncode == 0

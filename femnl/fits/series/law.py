@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from femnl.core.choices import Law
 from femnl.core.errors import MeasurementError, ParameterError
@@ -234,7 +234,7 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law, held: Held) -> S
     spread, blind = held.covariance(misfit.jacobian(best), form.steps)
     spread = spread * factor**2
     size = np.sqrt(np.diag(spread))
-    width = float(student.ppf(0.5 + INTERVAL / 2, nu)) if scaled else NORMAL_WIDTH
+    width = float(stdtrit(nu, 0.5 + INTERVAL / 2)) if scaled else NORMAL_WIDTH
     listed = zip(form.names, best, size, form.units, strict=True)
     parameters = held.ordered({n: Parameter(n, float(v), float(s), u) for n, v, s, u in listed})
     interval = {

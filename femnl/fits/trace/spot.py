@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import distributions
+from scipy.special import chdtri
 
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, MotionFit, Parameter
@@ -80,7 +80,7 @@ def fit_spot(
     blurred = replace(model, beyond=replace(beyond, noise=0.0))
     other = SpotSearch(blurred, known).best(blurred)
     gained = blurred.chi2_by_step(best).sum() - blurred.chi2_by_step(other).sum()
-    if gained < distributions.chi2.isf(CHANCE, blurred.n_steps):
+    if gained < chdtri(blurred.n_steps, CHANCE):
         return _report(sharp, known, _canonical(sharp, known, best))
     return _report(blurred, known, _canonical(blurred, known, other), UNEXPLAINED)
 
@@ -88,7 +88,7 @@ def fit_spot(
 def _missed(model: SpotModel, vector: Array) -> bool:
     """Whether the noise makes so large a χ² only rarely."""
     n_residuals = model.n_data + model.n_steps
-    return bool(model.chi2_by_step(vector).sum() > distributions.chi2.isf(CHANCE, n_residuals))
+    return bool(model.chi2_by_step(vector).sum() > chdtri(n_residuals, CHANCE))
 
 
 def _held(fixed: Mapping[str, float]) -> Array:

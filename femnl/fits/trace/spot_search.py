@@ -5,7 +5,7 @@ from operator import itemgetter
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import distributions
+from scipy.special import chdtri
 
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
@@ -99,7 +99,7 @@ class SpotSearch:
         fringe, amplitude, phase = model.split(np.array(vector))
         before = sharp.chi2_by_step(vector)
         n_data = 2 * model.harmonic.size
-        large = distributions.chi2.isf(CHANCE, n_data + 1) if beyond.noise else MISFIT * n_data
+        large = chdtri(n_data + 1, CHANCE) if beyond.noise else MISFIT * n_data
         deep = self._amplitudes[model.wavenumber * self._amplitudes > model.harmonic.size / 2]
         for i in np.flatnonzero(before > large):
             # What is folded counts as noise here, or the grid would miss narrow valleys
