@@ -208,6 +208,23 @@ def test_points_left_out_hide_no_turns_of_a_fast_phase() -> None:
     np.testing.assert_allclose(found - found[0], phase - phase[0], atol=1e-9)
 
 
+def test_jumps_are_seen_in_a_phase_of_nearly_half_a_turn_a_point() -> None:
+    """Noise takes its steps over half a turn, which are no jumps."""
+    rng = np.random.default_rng(15)
+    time = np.arange(400.0)
+    angle = 3.1 * time + 0.02 * rng.normal(size=400)
+    everywhere = np.ones(400, dtype=bool)
+
+    def jumps() -> list[tuple[int, int]]:
+        volts = np.exp(1j * angle)
+        record_of = power_record(measurement.decay(time, real=volts.real, imag=volts.imag))
+        return [(one.first, one.stop) for one in turns(record_of, everywhere)]
+
+    assert jumps() == []
+    angle[200:203] += 1.0
+    assert jumps() == [(200, 203)]
+
+
 @pytest.mark.parametrize("seen", [0, 1, 5])
 def test_a_phase_that_stands_out_nowhere_has_no_jumps(seen: int) -> None:
     time = np.arange(100.0)
