@@ -11,6 +11,7 @@ import numpy as np
 from femnl.chip.members import Member, Number
 from femnl.chip.schema import Table
 from femnl.core.errors import ParameterError, one_line
+from femnl.core.robust import MAD
 from femnl.core.toml import read_text
 from femnl.io.measurement.contract import LEAST, MOST
 
@@ -44,7 +45,7 @@ def median_of(readings: list[tuple[float, float]]) -> Number:
     values = np.array([value for value, _ in readings])
     stated = float(np.median([sd for _, sd in readings]))
     median = float(np.median(values))
-    scatter = 1.4826 * float(np.median(np.abs(values - median)))
+    scatter = MAD * float(np.median(np.abs(values - median)))
     count = len(values)
     part = np.sqrt((np.pi / 2 if count > 2 else 1.0) / count)
     return Number(median, float(max(stated, scatter) * part), count)

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from femnl.core.robust import MAD
+
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 LEAST_SD = 1e-7
@@ -61,7 +63,7 @@ class Values:
             [self.y[self.group == g] - np.median(self.y[self.group == g]) for g in self.groups]
         )
         large = off[np.abs(off) > 0]
-        robust = 1.4826 * float(np.median(np.abs(large))) if large.size else 0.0
+        robust = MAD * float(np.median(np.abs(large))) if large.size else 0.0
         return max(robust, float(self.sd.min()))
 
     @property

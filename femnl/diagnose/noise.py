@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import gammainc
 
 from femnl.core.readout import Array
+from femnl.core.robust import MAD
 from femnl.diagnose.noise_level import CLEAR, MEDIAN_VARIANCE, noise_level
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.observe.noisy import FoundNoise
@@ -137,7 +138,7 @@ def _around(residuals: Array, layout: Layout, dropped: NDArray[np.bool_]) -> tup
     present = (layout.near >= 0) & ~dropped[layout.near]
     values = np.where(present, residuals[layout.near], np.nan)
     middle = _median(values, present)
-    scatter = 1.4826 * _median(np.abs(values - middle[:, None]), present)
+    scatter = MAD * _median(np.abs(values - middle[:, None]), present)
     few = present.sum(axis=1) < 4
     return np.where(few, 0.0, middle), np.where(few, np.inf, scatter)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri, gammaln
 
 from femnl.core.readout import Array
+from femnl.core.robust import MAD
 from femnl.observe.residuals import Layout
 
 STRETCH = 24
@@ -146,7 +147,7 @@ def _first_order(
     """
     # Glitches that are not known yet would count as more noise
     known = ~dropped & (layout.datum >= 0)
-    scatter = 1.4826 * float(np.median(np.abs(residuals[known]))) if known.any() else 0.0
+    scatter = MAD * float(np.median(np.abs(residuals[known]))) if known.any() else 0.0
     dropped = dropped | (np.abs(residuals) > FAR_OUT * scatter)
     whole = _whole(residuals, layout, dropped)
     if whole is None:

@@ -11,9 +11,9 @@ ROUNDS = 40
 def spread(count: int, dimensions: int) -> Array:
     """Return points (count, dimensions) of the unit cube, one in each slice along each direction.
 
-    Their order along a direction is that of multiples of g⁻ᵏ modulo 1, k = 1 … d, with
-    g^(d + 1) = g + 1, the golden ratio of one dimension, so that neighbours in one are far apart in
-    others.
+    A Latin hypercube: along direction k, point i is in the slice that i g⁻ᵏ modulo 1 has among all,
+    where g^(d + 1) = g + 1, the golden ratio of one dimension. Neighbours along one direction are
+    far apart along others.
     Source: M. Roberts, The unreasonable effectiveness of quasirandom sequences (2018).
     """
     ratio = 2.0

@@ -287,6 +287,24 @@ def test_a_frequency_that_leaves_the_filter_does_not_lower_the_quality_factor() 
     assert abs(pull(fit)) < 2
 
 
+def test_spikes_in_the_floor_are_told() -> None:
+    time, power, _ = record(4)
+    at = len(time) - 40
+    power[at : at + 2] += 25
+    fit = fitted(time, power)
+    assert not fit.used[at : at + 2].any()
+    (note,) = [one for one in fit.fit.notes if "left out where decay or floor" in one]
+    begins = [float(word) for word in note.split("from ")[1].removesuffix(" s").split(", ")]
+    assert any(abs(begin - time[at]) < 0.3 for begin in begins)
+
+
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_noise_at_the_end_of_a_decay_interrupts_nothing(seed: int) -> None:
+    """It scatters by more than the strong part does, and belongs to the decay all the same."""
+    time, power, begin = record(seed)
+    assert fitted(time, power).used[begin + 5 :].all()
+
+
 def test_dropouts_and_spikes_are_left_out_and_told() -> None:
     time, power, begin = record(8)
     power[begin + 60 : begin + 72] -= 25
@@ -297,7 +315,7 @@ def test_dropouts_and_spikes_are_left_out_and_told() -> None:
     assert not fit.used[begin + 61 : begin + 71].any()
     assert not fit.used[begin + 150 : begin + 153].any()
     assert not fit.used[begin + 100]
-    assert "left out where the decay is interrupted" in fit.fit.notes[0]
+    assert "left out where decay or floor are interrupted" in fit.fit.notes[0]
     assert abs(pull(fit)) < 4
 
 

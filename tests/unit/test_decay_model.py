@@ -28,7 +28,7 @@ from femnl.observe.decay.blocks import (
     read,
 )
 from femnl.observe.decay.model import AS_MEASURED, DecayModel, Setting
-from femnl.observe.decay.record import DB, power_record, unwrapped
+from femnl.observe.decay.record import DB, power_record, turning
 from femnl.observe.extended import ExtendedModel
 from tests.unit.decay_records import RATE, TONE, record
 
@@ -201,11 +201,24 @@ def test_steps_of_what_is_written_are_no_spikes() -> None:
 
 
 def test_points_left_out_hide_no_turns_of_a_fast_phase() -> None:
-    place = np.delete(np.arange(300), slice(100, 104))
-    phase = 1.0 * place
-    wrapped = np.angle(np.exp(1j * phase))
-    found = unwrapped(wrapped, place)
+    time = 0.5 * np.delete(np.arange(300.0), slice(100, 104))
+    phase = 2.0 * time + 0.3 * (time > 100)
+    rate, beside = turning(np.angle(np.exp(1j * phase)), time)
+    assert rate == pytest.approx(2.0, abs=0.01)
+    found = rate * (time - time[0]) + beside
     np.testing.assert_allclose(found - found[0], phase - phase[0], atol=1e-9)
+
+
+def test_points_that_are_missing_in_a_file_hide_no_turns_of_its_phase() -> None:
+    time, power, begin = record(8)
+    angle = 1.0 * np.arange(len(time))
+    volts = 10 ** (power / 20) * np.exp(1j * angle)
+    volts[begin + 60 : begin + 64] = np.nan
+    model = pose(measurement.decay(time, real=volts.real, imag=volts.imag))
+    at = model.blocks_of_phase.time
+    line = np.polyfit(at, model.phase, 1)
+    assert np.abs(model.phase - np.polyval(line, at)).max() < 0.5
+    assert line[0] == pytest.approx(1 / (time[1] - time[0]), rel=1e-3)
 
 
 def test_jumps_are_seen_in_a_phase_of_nearly_half_a_turn_a_point() -> None:
@@ -223,6 +236,9 @@ def test_jumps_are_seen_in_a_phase_of_nearly_half_a_turn_a_point() -> None:
     assert jumps() == []
     angle[200:203] += 1.0
     assert jumps() == [(200, 203)]
+    # Beside points that are left out already, where the phase goes on turning
+    everywhere[198:201] = False
+    assert jumps() == [(201, 203)]
 
 
 @pytest.mark.parametrize("seen", [0, 1, 5])

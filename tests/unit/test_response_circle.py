@@ -56,6 +56,13 @@ def test_sweeps_that_run_over_the_circle_the_other_way_have_no_falling_phase() -
         assert layout.split(theta)[1] > 10 * F0 / Q
 
 
+def test_what_has_no_imaginary_part_is_no_circle() -> None:
+    sweeps = leaking()
+    real = np.asarray(sweeps.voltage.real, dtype=np.complex128)
+    for theta in circle_starts(replace(sweeps, voltage=real), beside(sweeps)):
+        assert np.isfinite(theta).all()
+
+
 def test_one_point_is_no_circle() -> None:
     sweeps = leaking()
     layout = beside(sweeps)

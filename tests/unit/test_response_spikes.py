@@ -67,3 +67,30 @@ def test_neighbours_that_are_off_the_circle_of_all_others_are_spikes_together() 
     # Of a mode whose damping grows with the drive there is no one circle
     volts *= 1 / (1 + np.arange(SWEEPS)[:, None] / SWEEPS)
     assert spikes(frequency, volts) == []
+
+
+@pytest.mark.parametrize("width", [1.0, 3.0])
+@pytest.mark.parametrize("sweeps", [1, SWEEPS])
+def test_a_narrow_resonance_that_is_on_no_circle_is_no_spike(sweeps: int, width: float) -> None:
+    """What is left without it is noise, which is on a circle of its own."""
+    rng = np.random.default_rng(1)
+    steps = np.arange(800) - 399.7
+    drive = np.linspace(0.2, 1, sweeps)[:, None]
+    volts = 0.01 * drive / (1 + drive**2 + 2j * steps / width)
+    noise = rng.standard_normal(volts.shape) + 1j * rng.standard_normal(volts.shape)
+    assert spikes(np.tile(F0 + steps, (sweeps, 1)), volts + NOISE * noise) == []
+
+
+def test_a_sweep_that_is_off_as_a_whole_keeps_its_points() -> None:
+    frequency, volts = resonances(20.0)
+    many = np.tile(volts, (8, 1))
+    many[5] *= np.exp(0.6j)
+    assert spikes(np.tile(frequency, (8, 1)), many) == []
+
+
+@pytest.mark.parametrize("point", [0, 4])
+def test_a_glitch_in_a_short_sweep_leaves_enough_to_fit(point: int) -> None:
+    frequency, volts = resonances(20.0)
+    short = np.tile(volts[:, 36:44], (3, 1))
+    short[3, point] += 0.01
+    assert spikes(np.tile(frequency[:, 36:44], (3, 1)), short) == []

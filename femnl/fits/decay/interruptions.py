@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.observe.decay.record import DB, PowerRecord, unwrapped
+from femnl.core.robust import MAD
+from femnl.observe.decay.record import DB, PowerRecord, turning
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,12 +33,14 @@ so many once in 600 000 points.
 """
 MEDIAN_SCATTER = 0.56
 """Scatter of the amplitude of noise alone, in medians of it."""
-MAD = 1.4826
 
 
 @dataclass(frozen=True)
 class Interruption:
-    """Points first … stop − 1 of a record, which deviate by up to so many scatters in what."""
+    """Points first … stop − 1 of a record that are no part of it.
+
+    sigma: their largest deviation, in scatters; what: of which quantity, `power` or `phase`.
+    """
 
     first: int
     stop: int
@@ -53,6 +56,8 @@ def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:
     Args: power (n,) [dB]; decay (n,): the points of one run that is to be looked at.
     """
     inside = np.flatnonzero(decay)
+    if len(inside) < 2:
+        return ()
     y = power[inside]
     difference = np.diff(y)
     usual, scatter = _around(difference)
@@ -77,9 +82,9 @@ def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
     """Return where a record is off the running median of its neighbours by more than noise ever is.
 
     The amplitude of noise behind a filter has a Rayleigh distribution, that of a mode in it a
-    normal one, or nearly: both end so fast that what is far off is no noise. A fade loses the whole
-    amplitude at most, and is no spike in noise. Neighbours tell how much the amplitude scatters,
-    but never less than the noise that the weakest quarter of the points shows.
+    normal one, or nearly: both end so fast that what is far off is no noise. In noise only what is
+    above it can be a spike, as a fade loses no more than the whole amplitude. Neighbours tell how
+    much the amplitude scatters, but never less than the noise that the weakest quarter shows.
     Args: power (n,) [dB]; points (n,): those of the decay and of what comes after it.
     Returns: nothing of fewer than two windows of neighbours.
     """
@@ -95,8 +100,7 @@ def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
     scatter = np.maximum(_around(amplitude)[1], of_noise)
     off = np.abs(amplitude - 1) / np.maximum(scatter, LEAST_JUMP / (2 * DB * SPIKE))
     found = [
-        Interruption(first, stop, float(off[first:stop].max()))
-        for first, stop in _runs(off > SPIKE)
+        Interruption(first, stop, float(off[first:stop].max())) for first, stop in runs(off > SPIKE)
     ]
     # At its begin a record may bend, and slow noise is off for longer
     sharp = [
@@ -115,9 +119,10 @@ def turns(record: PowerRecord, decay: Mask) -> tuple[Interruption, ...]:
     place = np.flatnonzero(decay)
     if record.phase is None or len(place) < NEIGHBOURS:
         return ()
+    _, beside = turning(record.phase[place], record.time[place])
     turned = np.zeros(len(record.time))
     # Noise turns a phase as much as it changes ln of the amplitude
-    turned[place] = 2 * DB * unwrapped(record.phase[place], place)
+    turned[place] = 2 * DB * beside
     return tuple(replace(one, what="phase") for one in interruptions(turned, decay))
 
 
@@ -175,11 +180,11 @@ def _with_edges(y: Array, found: Sequence[Interruption]) -> list[Interruption]:
         wider[first:stop] = True
     return [
         Interruption(first, stop, max(one.sigma for one in found if first <= one.first < stop))
-        for first, stop in _runs(wider)
+        for first, stop in runs(wider)
     ]
 
 
-def _runs(mask: Mask) -> list[tuple[int, int]]:
+def runs(mask: Mask) -> list[tuple[int, int]]:
     """Return first and stop of each run of true points."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]

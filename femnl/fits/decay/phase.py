@@ -10,16 +10,14 @@ from femnl.core.effect import ParameterSpec
 from femnl.fits.decay.compared import FEWEST_BLOCKS, Compared
 from femnl.fits.decay.fluctuation import Fluctuating, fluctuation, whitening
 from femnl.fits.decay.stretch import Found
-from femnl.fits.decay.window import Window
+from femnl.fits.decay.window import PHASED, Window
 from femnl.observe.decay.blocks import Blocks, Whitening, part_of
 from femnl.observe.decay.law import turned_by_pair
-from femnl.observe.decay.record import PowerRecord, unwrapped
+from femnl.observe.decay.record import DB, PowerRecord, turning
 
 Array = NDArray[np.float64]
 ACROSS = 4.0
 """Variance of ln p over that of the phase: noise along an amplitude moves ln p twice as much."""
-STRONG = 20.0
-"""Signal over noise from which on a phase can be followed from point to point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,7 @@ def phase_of(
     """Return the phase as long as the signal is strong, None where none was recorded."""
     if record.phase is None:
         return None
-    weak = np.flatnonzero((data.log_ratio < np.log(STRONG)) | ~data.of_decay)
+    weak = np.flatnonzero((data.log_ratio < PHASED / DB) | ~data.of_decay)
     count = int(weak[0]) if len(weak) else len(data.blocks.time)
     if count < FEWEST_BLOCKS:
         return None
@@ -50,12 +48,12 @@ def phase_of(
     blocks = part_of(data.blocks, chosen)
     points = int(blocks.first[-1] + blocks.count[-1])
     used = np.flatnonzero(seen.used)[:points]
-    angle = unwrapped(record.phase[used], used)
-    values = blocks.mean(angle)
     time = record.time[used]
+    rate, beside = turning(record.phase[used], time)
+    values = blocks.mean(rate * (time - time[0]) + beside)
     # Of the noise behind the filter, half is across the amplitude
     share = 1 / (1 + np.exp(-data.log_ratio[chosen]))
-    turning = Fluctuating(
+    fluctuating = Fluctuating(
         blocks=blocks,
         time=data.time[:points],
         interval=data.interval,
@@ -66,7 +64,7 @@ def phase_of(
         strong=np.ones(count, dtype=bool),
         late=np.zeros(count, dtype=bool),
     )
-    matrix, _ = fluctuation(turning, checkpoint)
+    matrix, _ = fluctuation(fluctuating, checkpoint)
     slope, begin = np.polyfit(blocks.time, values, 1)
     highest = 0.5 / data.interval
     base = (

@@ -9,12 +9,13 @@ import xarray as xr
 from femnl.core.decay import DecayFit
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
+from femnl.fits.decay.interruptions import runs
 from femnl.fits.decay.stretch import Found
 from femnl.fits.decay.terms import RATE_SIGMAS, fit_law
 from femnl.fits.held import Held, hold_fixed
 from femnl.observe.decay.law import UNITS, Array, Term
 from femnl.observe.decay.naming import phases
-from femnl.observe.decay.phases import Segmentation, segment
+from femnl.observe.decay.phases import Segmentation, logical, segment
 from femnl.observe.decay.record import DB, PowerRecord, power_record
 
 TERM_NOTES: Mapping[Term, str] = {
@@ -218,13 +219,13 @@ def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> lis
     notes = [LEAK_NOTE] if leaks else [TERM_NOTES[term] for term in found.likelihood.terms]
     decay = [segmentation.pieces[k] for k in segmentation.decay]
     inside = (record.time >= decay[0].begin) & (record.time <= decay[-1].end)
+    inside |= logical(segmentation, segmentation.floor, len(record.time))
     missed = inside & ~found.stretch.used
     if missed.any():
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], missed.astype(int), [0]])))
-        begins = record.time[edges[::2]]
+        begins = [record.time[first] for first, _ in runs(missed)]
         listed = ", ".join(f"{t:.4g}" for t in begins[:6]) + (", …" if len(begins) > 6 else "")
         notes.append(
-            f"{np.count_nonzero(missed)} points left out where the decay is interrupted, "
+            f"{np.count_nonzero(missed)} points left out where decay or floor are interrupted, "
             f"from {listed} s"
         )
     if found.correlation > 1.5:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from femnl.core.robust import MAD
 from femnl.fits.decay.interruptions import spikes, without
 from femnl.fits.decay.likelihood import Likelihood, averages_of, start_values
 from femnl.observe.decay.law import Array, Term
@@ -16,8 +17,6 @@ MOST_FITS = 3
 """Fits between which interruptions are looked for."""
 OUTLIER_SIGMAS = 6.0
 """Standard deviations of a datum that interrupts the decay."""
-MAD = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 FLOOR_BELOW = 2.0
 """ln of the weakest datum over the floor to begin with, where a record shows no floor."""
 SLOW_PART = 1 / 20
@@ -156,9 +155,10 @@ def _interruptions(likelihood: Likelihood, values: Array) -> NDArray[np.bool_]:
     strong = DB * (np.log(signal) - values[2]) > THRESHOLDS.step
     if np.count_nonzero(strong) < 2:
         return np.zeros(len(away), dtype=bool)
-    usual = MAD * float(np.median(np.abs(away[strong])))
-    limit = max(OUTLIER_SIGMAS * usual, THRESHOLDS.wobble)
-    found = strong & (np.abs(away) > limit)
+    # Towards the floor there is more noise
+    score = np.abs(likelihood.residual(values))
+    usual = MAD * float(np.median(score[strong]))
+    found = strong & (score > OUTLIER_SIGMAS * usual) & (np.abs(away) > THRESHOLDS.wobble)
     # A decay that is interrupted more often than not is none: the law is wrong instead.
     often = np.count_nonzero(found) >= 0.5 * np.count_nonzero(strong)
     return np.zeros(len(away), dtype=bool) if often else np.asarray(found)

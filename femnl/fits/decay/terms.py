@@ -104,7 +104,10 @@ def _better(
 def _compared(
     record: PowerRecord, pieces: Segmentation, term: Term, start: Sequence[float]
 ) -> tuple[float, Found, Found]:
-    """Return the evidence for a term, and the fits of the same data without and with it."""
+    """Return the evidence for a term, and the fits without and with it.
+
+    They are of the same data but for what interrupts the decay without the term.
+    """
     bent = fit_stretch(record, pieces, stretch_of(record, pieces), term, start)
     plain = fit_stretch(record, pieces, bent.stretch)
     return _evidence(plain, bent), plain, bent

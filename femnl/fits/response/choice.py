@@ -93,7 +93,7 @@ def first_look(sweeps: Sweeps, layout: Layout) -> FirstLook:
 def _begun(sweeps: Sweeps, layout: Layout, use: Use, asked: Asked) -> dict[int, TriedModels]:
     """Return the fits that decide on the sign of the phase, by the signs that are open.
 
-    Duffing models are among them, from circles and then across folds, where no linear one meets.
+    Duffing models are among them, from circles and then across folds, where no linear one is `met`.
     """
     signs = [asked.phase_sign] if asked.phase_sign else [1, -1]
     if use == "magnitude" or not sweeps.phases:

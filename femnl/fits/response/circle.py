@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from femnl.core.robust import MAD
 from femnl.fits.outliers import MOST_GLITCHES
 from femnl.observe.response.branches import STIFFEN
 from femnl.observe.response.sweeps import Array, Complex, Sweeps
@@ -27,14 +28,15 @@ APART = 6.0
 """Scatters off the circle from which on a point may be a glitch."""
 ON_CIRCLE = 1.5
 """Mean square [σ²] of what the others are off it, at most."""
-MAD = 1.4826
+AROUND = 0.05
+"""Part of the others on the half of the circle where most are not, at least."""
 SMALLEST = 1e-12
 """Radius by the distance from 0 of a circle that is no rounding."""
 
 
 @dataclass(frozen=True)
 class _Circle:
-    """V/drive of one position: centre and radius [V], and how points at drives of it deviate.
+    """The circle through V/drive at one position: centre, radius [V], and the points of its fit.
 
     frequency (n,) [Hz] from a centre; points (n,) [V]; drive (n,), relative; weight (n,): drive
     over noise.
@@ -49,7 +51,7 @@ class _Circle:
 
     @property
     def strength(self) -> float:
-        """How far the circle stands out of the noise."""
+        """Radius over noise, of all points together."""
         return self.radius * float(np.linalg.norm(self.weight))
 
     def background(self, phi: float) -> complex:
@@ -72,9 +74,9 @@ class _Circle:
         """Return p of X = p₀ + p₁f + p₂ drive²/(1 + X²), and what that leaves, in σ²."""
         detuning, weight = self.detuning(phi)
         columns = self._columns(detuning)
-        scale = np.linalg.norm(columns * weight[:, None], axis=0) + np.finfo(float).tiny
-        found = np.linalg.lstsq(columns * weight[:, None] / scale, detuning * weight, rcond=1e-9)[0]
-        found = np.asarray(found / scale)
+        scale = _sizes(columns * weight[:, None])
+        scaled = columns * weight[:, None] / scale
+        found: Array = np.linalg.lstsq(scaled, detuning * weight, rcond=1e-9)[0] / scale
         return found, float(np.sum((weight * (detuning - columns @ found)) ** 2))
 
     def place(self, line: Array) -> float:
@@ -117,10 +119,16 @@ def _slopes(sweeps: Sweeps, layout: Layout) -> Complex:
         a = (sweeps.frequency[at] - layout.centre) / layout.span
         columns = [z.real, z.imag, a * z.real, a * z.imag, a, a**2, np.ones(len(a))]
         weighted = np.stack(columns, axis=1) * drive[:, None]
-        scale = np.linalg.norm(weighted, axis=0) + np.finfo(float).tiny
+        scale = _sizes(weighted)
         taken = np.linalg.lstsq(weighted / scale, np.abs(z) ** 2 * drive, rcond=1e-12)[0] / scale
         found[p] = complex(taken[2], taken[3]) / 2
     return found
+
+
+def _sizes(columns: Array) -> Array:
+    """Return the size of each column (k,), and 1 for one that vanishes."""
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.where(size > 0, size, 1.0), dtype=float)
 
 
 def _start(sweeps: Sweeps, layout: Layout, slope: Complex) -> Array | None:
@@ -158,10 +166,12 @@ def _start(sweeps: Sweeps, layout: Layout, slope: Complex) -> Array | None:
 def off_circle(sweeps: Sweeps) -> Mask:
     """Return which points (n,) are far off the circle that all others lie on, at each position.
 
-    None where others are off it as well, as of a mode whose damping grows, or more than glitches
-    may be.
+    None is where others scatter about it by more than noise, as of a mode whose damping grows,
+    where more are off than glitches may be, and where few points are on the far half of the circle:
+    without those of a narrow resonance there is nothing but noise, and that is on a circle, too.
     """
     found = np.zeros(len(sweeps.voltage), dtype=bool)
+    points = sweeps.voltage / sweeps.drive
     for p in range(sweeps.n_positions):
         here = sweeps.position == p
         kept = here
@@ -169,17 +179,25 @@ def off_circle(sweeps: Sweeps) -> Mask:
             circle = _circle(sweeps, kept, 0.0)
             if circle is None:
                 break
-            away = np.abs(sweeps.voltage / sweeps.drive - circle.centre) - circle.radius
-            away = np.abs(away) * sweeps.drive / sweeps.noise
+            away = np.abs(np.abs(points - circle.centre) - circle.radius)
+            away *= sweeps.drive / sweeps.noise
             before = kept
             kept = here & (away < APART * max(MAD * float(np.median(away[here])), 1.0))
             if np.array_equal(kept, before):
                 off = here & ~kept
                 few = np.count_nonzero(off) <= MOST_GLITCHES * np.count_nonzero(here)
-                if few and np.mean(away[kept] ** 2) < ON_CIRCLE:
+                on_it = np.mean(away[kept] ** 2) < ON_CIRCLE
+                if few and on_it and _far_half(circle) > AROUND:
                     found |= off
                 break
     return found
+
+
+def _far_half(circle: _Circle) -> float:
+    """Return the part of its points that lie on the half of a circle where most do not."""
+    away = circle.points - circle.centre
+    most = complex(np.median(away.real), np.median(away.imag))
+    return float(np.mean((away * np.conj(most)).real < 0))
 
 
 def _circle(sweeps: Sweeps, at: Mask, centre: float) -> _Circle | None:

@@ -23,7 +23,7 @@ factor by which it must change the linewidth, and factor by which it must lower 
 is taken to hide the resonance.
 """
 HIDES = 0.03
-"""Background by the resonance from which on one that is known to be there may hide it."""
+"""Background over the height of the resonance from which on it may hide that."""
 BENT = 10.0
 """Reduced χ² of a fit to all drives, and its factor over that of one to the weakest, from which on
 strong drives may show something else than the mode.

@@ -3,12 +3,11 @@
 import numpy as np
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from femnl.core.readout import Array
 from femnl.fits.outliers import MOST_GLITCHES
 from femnl.fits.response.circle import Mask, off_circle
-from femnl.observe.response.sweeps import collect
+from femnl.observe.response.sweeps import FEWEST_POINTS, Complex, collect
 
 APART = 6.0
 """Distance of a spike from the curve over what its neighbours are off, and over the noise."""
@@ -17,6 +16,8 @@ FEWEST_SWEEPS = 3
 at about one point in several of them."""
 RECURRING = 1 / 3
 """Part of the sweeps with a spike at about one point, from which on it is no glitch."""
+MOST_OF = 0.5
+"""Part of a sweep that spikes leave: what takes more of it is another state of the mode."""
 
 
 def without_spikes(dataset: xr.Dataset, noise: float) -> xr.Dataset:
@@ -29,12 +30,14 @@ def without_spikes(dataset: xr.Dataset, noise: float) -> xr.Dataset:
 
     Args: noise [V] of each quadrature.
     """
-    cleared = _without(dataset, _single(dataset, noise))
+    volts = dataset["real"].values + 1j * dataset["imag"].values
+    if len(volts) < FEWEST_SWEEPS or volts.shape[1] < FEWEST_POINTS:
+        return dataset
+    cleared = _without(dataset, _rare(_single(volts, noise), np.isfinite(volts)))
     sweeps = collect(cleared)
-    off = off_circle(sweeps)
-    apart = np.zeros(dataset["real"].shape, dtype=bool)
-    apart[sweeps.row[off], sweeps.column[off]] = True
-    return _without(cleared, apart)
+    apart = np.zeros(volts.shape, dtype=bool)
+    apart[sweeps.row, sweeps.column] = off_circle(sweeps)
+    return _without(cleared, _rare(apart, np.isfinite(cleared["real"].values)))
 
 
 def _without(dataset: xr.Dataset, spikes: Mask) -> xr.Dataset:
@@ -48,23 +51,30 @@ def _without(dataset: xr.Dataset, spikes: Mask) -> xr.Dataset:
     )
 
 
-def _single(dataset: xr.Dataset, noise: float) -> Mask:
+def _single(volts: Complex, noise: float) -> Mask:
     """Return which points (n_sweeps, n_points) are far from a curve through their neighbours."""
-    volts = dataset["real"].values + 1j * dataset["imag"].values
     spikes = np.zeros(volts.shape, dtype=bool)
-    if len(volts) < FEWEST_SWEEPS or volts.shape[1] < 5:
-        return spikes
     spikes[:, 2:-2] = _apart(volts, noise)
+    return spikes
+
+
+def _rare(spikes: Mask, usable: Mask) -> Mask:
+    """Return which spikes (n_sweeps, n_points) may be glitches, none of too many.
+
+    Not what is at about one point of several sweeps, nor what takes most of a sweep.
+    """
     near = np.zeros_like(spikes)
     for step in (-1, 0, 1):
         near |= np.roll(spikes, step, axis=1)
-    recurring = near.sum(axis=0) >= max(RECURRING * len(volts), FEWEST_SWEEPS)
-    spikes &= ~recurring
-    few = spikes.sum() <= MOST_GLITCHES * np.isfinite(volts).sum()
-    return spikes if few else np.zeros_like(spikes)
+    recurring = near.sum(axis=0) >= max(RECURRING * len(spikes), FEWEST_SWEEPS)
+    rare = spikes & ~recurring
+    left = (usable & ~rare).sum(axis=1)
+    rare[left < np.maximum(MOST_OF * usable.sum(axis=1), FEWEST_POINTS)] = False
+    few = rare.sum() <= MOST_GLITCHES * usable.sum()
+    return rare if few else np.zeros_like(rare)
 
 
-def _apart(volts: NDArray[np.complex128], noise: float) -> Mask:
+def _apart(volts: Complex, noise: float) -> Mask:
     """Return which points (n_sweeps, n_points − 4) are spikes, without two at each end."""
     a, b, here, c, d = np.moveaxis(sliding_window_view(volts, 5, axis=1), -1, 0)
     away = np.abs(here - (4 * (b + c) - a - d) / 6)

@@ -79,7 +79,7 @@ class TriedModels:
 
     @property
     def met(self) -> bool:
-        """Whether some model leaves no jump unexplained."""
+        """Whether some model leaves the noise, or a hardly visible part of the signal: no jump."""
         return self.quiet or self.least < SLIGHT**2 * self._signal
 
     @cached_property

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import HarmonicSpectrum
+from femnl.core.robust import MAD
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.fits.trace.colour import beside_phase
 from femnl.fits.trace.decompose import MOST_HARMONICS, SAMPLES_EACH, design
@@ -52,7 +53,7 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
             left = np.where(
                 used, beside_phase(row - columns @ solved, order[used[order]], np.median), 0.0
             )
-            scatter = 1.4826 * float(np.median(np.abs(left[kept])))
+            scatter = MAD * float(np.median(np.abs(left[kept])))
             away = np.abs(left) / max(scatter, 1e-300)
             fresh = used & (away <= outlier_limit(away[used]))
             if np.array_equal(fresh, kept):

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.core.numbers import engineering
+from femnl.core.robust import MAD
 from femnl.io.measurement.control_variables import controls
 
-_MAD = 1.482602218505602  # σ of a Gaussian over its median absolute deviation
 _ORDER = 4
 _QUANTILE = 0.25
 
@@ -91,7 +91,7 @@ def _spread(residues: NDArray[np.float64], kind: str) -> float:
             f"{kind}: {residues.size} usable points are too few to estimate the noise; store "
             "noise_sd"
         )
-    spread = float(_MAD * np.median(np.abs(residues)))
+    spread = float(MAD * np.median(np.abs(residues)))
     if spread > 0:
         return spread
     steps = np.abs(residues[residues != 0])

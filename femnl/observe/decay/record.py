@@ -14,6 +14,8 @@ from femnl.core.errors import MeasurementError
 Array = NDArray[np.float64]
 DB = 10 / np.log(10)
 """Decibels of a factor e of power."""
+NEXT = 1.5
+"""Time between two points over the usual one up to which nothing is left out between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +38,17 @@ class PowerRecord:
         return float(np.median(np.diff(self.time)))
 
 
-def unwrapped(phase: Array, place: NDArray[np.intp]) -> Array:
-    """Return a phase (n,) [rad] without its jumps of 2π.
+def turning(phase: Array, time: Array) -> tuple[float, Array]:
+    """Return how fast a phase turns [rad/s], and what else it does (n,) [rad], without jumps of 2π.
 
-    A steady turning is taken off first, so that points which are left out do not hide whole turns.
-    Args: place (n,): numbers of the points in their record.
+    Points that are left out would hide whole turns, were the steady turning not taken off first.
+    Args: phase (n,) [rad], up to 2π; time (n,) [s] of its points, two at least.
     """
-    steps = np.diff(phase)[np.diff(place) == 1]
-    rate = float(np.angle(np.mean(np.exp(1j * steps)))) if len(steps) else 0.0
-    steady = rate * place
-    return np.asarray(np.unwrap(phase - steady) + steady)
+    step = np.diff(time)
+    interval = float(np.median(step))
+    near = step < NEXT * interval
+    rate = float(np.angle(np.mean(np.exp(1j * np.diff(phase)[near])))) / interval
+    return rate, np.asarray(np.unwrap(phase - rate * (time - time[0])))
 
 
 def decibels(dataset: xr.Dataset) -> Array:
