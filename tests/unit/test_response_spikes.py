@@ -78,7 +78,8 @@ def test_a_narrow_resonance_that_is_on_no_circle_is_no_spike(sweeps: int, width:
     drive = np.linspace(0.2, 1, sweeps)[:, None]
     volts = 0.01 * drive / (1 + drive**2 + 2j * steps / width)
     noise = rng.standard_normal(volts.shape) + 1j * rng.standard_normal(volts.shape)
-    assert spikes(np.tile(F0 + steps, (sweeps, 1)), volts + NOISE * noise) == []
+    seen = np.asarray(volts + NOISE * noise, dtype=np.complex128)
+    assert spikes(np.tile(F0 + steps, (sweeps, 1)), seen) == []
 
 
 def test_a_sweep_that_is_off_as_a_whole_keeps_its_points() -> None:
