@@ -31,8 +31,10 @@ SPIKE = 6.0
 """Scatters by which an amplitude is never off its neighbours: that of noise alone is above them by
 so many once in 600 000 points.
 """
-MEDIAN_SCATTER = 0.56
-"""Scatter of the amplitude of noise alone, in medians of it."""
+WEAKEST = 0.25
+"""Part of the points, the weakest, whose scatter about the running median tells the noise."""
+FOLLOWED = 1.3
+"""Noise over that scatter: the median follows a part of noise that is alike in neighbours."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
     The amplitude of noise behind a filter has a Rayleigh distribution, that of a mode in it a
     normal one, or nearly: both end so fast that what is far off is no noise. In noise only what is
     above it can be a spike, as a fade loses no more than the whole amplitude. Neighbours tell how
-    much the amplitude scatters, but never less than the noise that the weakest quarter shows.
+    much the amplitude scatters, but never less than the noise that the weakest points show.
     Args: power (n,) [dB]; points (n,): those of the decay and of what comes after it.
     Returns: nothing of fewer than two windows of neighbours.
     """
@@ -95,9 +97,11 @@ def spikes(power: Array, points: Mask) -> tuple[Interruption, ...]:
     slope, _ = _around(np.diff(y))
     fallen = np.concatenate([[0.0], np.cumsum(slope)])
     line = fallen + _around(y - fallen)[0]
+    usual = 10 ** ((line - line.max()) / 20)
     amplitude = 10 ** ((y - line) / 20)
-    of_noise = MEDIAN_SCATTER * 10 ** ((np.quantile(line, 0.25) - line) / 20)
-    scatter = np.maximum(_around(amplitude)[1], of_noise)
+    weak = line <= np.quantile(line, WEAKEST)
+    noise = FOLLOWED * MAD * float(np.median(np.abs(amplitude - 1)[weak] * usual[weak]))
+    scatter = np.maximum(_around(amplitude)[1], noise / usual)
     off = np.abs(amplitude - 1) / np.maximum(scatter, LEAST_JUMP / (2 * DB * SPIKE))
     found = [
         Interruption(first, stop, float(off[first:stop].max())) for first, stop in runs(off > SPIKE)
