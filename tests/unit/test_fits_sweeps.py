@@ -16,6 +16,8 @@ from femnl.fits.spectrum.peaks import find_peaks
 from femnl.io import measurement
 from femnl.io.measurement import magnitudes_alone, response
 from femnl.observe.response.branches import STIFFEN
+from femnl.observe.response.extent import extent
+from femnl.observe.response.sweeps import collect
 from femnl.plot.response import response_figure
 
 SEED = 5
@@ -370,3 +372,14 @@ def test_a_thousand_random_oscillators_are_found() -> None:
     assert failed <= 10
     assert duffing <= 20
     np.testing.assert_allclose(within, 0.68, atol=0.03)
+
+
+def test_one_frequency_of_strong_motion_is_as_wide_as_a_step() -> None:
+    """A place of a partner mode is sought in that range, which must not vanish."""
+    rng = np.random.default_rng(3)
+    frequency = np.tile(1e6 + 2.0 * np.arange(20), (3, 1))
+    volts = 1e-5 * (rng.standard_normal((3, 20)) + 1j * rng.standard_normal((3, 20)))
+    volts[:, 7] += 1.0
+    data = measurement.response(frequency, volts, noise_sd=1e-5, drive=[0.5, 0.7, 1.0])
+    seen = extent(collect(data), np.ones(1), np.ones(60, dtype=bool))
+    assert (seen.middle, seen.width) == (1e6 + 14.0, 2.0)

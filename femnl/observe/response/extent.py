@@ -16,7 +16,7 @@ MOVING = 0.3
 class Extent:
     """Of the points that count: the largest signal [V] and the largest motion [m].
 
-    middle, width [Hz]: of the frequencies at which the mode moves strongly.
+    middle, width [Hz]: of the frequencies at which the mode moves strongly, a step at least.
     """
 
     largest: float
@@ -36,9 +36,10 @@ def extent(sweeps: Sweeps, responsivity: Array, used: NDArray[np.bool_]) -> Exte
     size = np.abs(sweeps.voltage[used])
     largest = float(size.max())
     moving = sweeps.frequency[used][size > MOVING * largest]
+    step = float(np.median(np.abs(np.diff(sweeps.frequency))))
     return Extent(
         largest=largest,
         motion=float((size / responsivity[sweeps.position[used]]).max()),
         middle=float(moving.min() + moving.max()) / 2,
-        width=float(np.ptp(moving)),
+        width=max(float(np.ptp(moving)), step),
     )
