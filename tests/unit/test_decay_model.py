@@ -184,6 +184,15 @@ def test_spikes_stand_out_of_the_floor_and_of_the_end_of_a_decay(
     assert found.sigma > 6
 
 
+@pytest.mark.parametrize("place", [130, 190])
+def test_spikes_stand_out_of_a_record_that_ends_before_its_floor(place: int) -> None:
+    """The weakest of 200 points is 14 dB above the noise."""
+    pulse = 12 * np.exp(-0.5 * ((np.arange(600.0) - place) / 0.8) ** 2)
+    power = falling(np.random.default_rng(16), 0.2, pulse)[:200]
+    (found,) = spikes(power, np.ones(200, dtype=bool))
+    assert found.first <= place < found.stop <= found.first + 12
+
+
 def test_a_fade_and_a_bend_at_the_begin_are_no_spikes() -> None:
     rng = np.random.default_rng(13)
     time = np.arange(600.0)

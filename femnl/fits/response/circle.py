@@ -166,9 +166,9 @@ def _start(sweeps: Sweeps, layout: Layout, slope: Complex) -> Array | None:
 def off_circle(sweeps: Sweeps) -> Mask:
     """Return which points (n,) are far off the circle that all others lie on, at each position.
 
-    None is where others scatter about it by more than noise, as of a mode whose damping grows,
-    where more are off than glitches may be, and where few points are on the far half of the circle:
-    without those of a narrow resonance there is nothing but noise, and that is on a circle, too.
+    No point is where the others scatter about it by more than noise, as of a mode whose damping
+    grows, where more are off than glitches may be, and where few others are on the far half of the
+    circle: what is left without a narrow resonance is noise, and that is on a circle, too.
     """
     found = np.zeros(len(sweeps.voltage), dtype=bool)
     points = sweeps.voltage / sweeps.drive
