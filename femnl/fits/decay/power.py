@@ -222,11 +222,12 @@ def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> lis
     inside |= logical(segmentation, segmentation.floor, len(record.time))
     missed = inside & ~found.stretch.used
     if missed.any():
+        count = np.count_nonzero(missed)
         begins = [record.time[first] for first, _ in runs(missed)]
         listed = ", ".join(f"{t:.4g}" for t in begins[:6]) + (", …" if len(begins) > 6 else "")
         notes.append(
-            f"{np.count_nonzero(missed)} points left out where decay or floor are interrupted, "
-            f"from {listed} s"
+            f"{count} point{'s' if count > 1 else ''} left out where decay or floor are "
+            f"interrupted, from {listed} s"
         )
     if found.correlation > 1.5:
         notes.append(
