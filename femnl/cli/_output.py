@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -31,6 +32,8 @@ QUIET = 30.0
 """Seconds without a word after which it says so again, where that is not shown on a terminal."""
 TICK = 1.0
 """Seconds between looks at the time without a word."""
+WIDEST = 120
+"""Characters of a step where no terminal tells its width; a command may name a thousand files."""
 CLEAR = "\r\x1b[K"  # of a terminal: to the start of the line, and empty it
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -155,9 +158,21 @@ class Progress(logging.Handler):
             lasts = now - self._begun
             since = f" {lasts:.0f} s" if lasts >= self.first_word else ""
             before, after = (CLEAR, "") if sys.stderr.isatty() else ("", "\n")
+            step = self._step[: _room() - len(f" …{since}")]
             with suppress(OSError, ValueError):  # where nobody reads any more
-                sys.stderr.write(f"{before}{self._step} …{since}{after}")
+                sys.stderr.write(f"{before}{step} …{since}{after}")
                 sys.stderr.flush()
+
+
+def _room() -> int:
+    """Return how many characters of standard error are one line.
+
+    A step that a terminal breaks into lines could not be taken off again.
+    """
+    with suppress(OSError, ValueError):  # no terminal, or one of no known size
+        columns = os.get_terminal_size(sys.stderr.fileno()).columns
+        return columns - 1 if columns else WIDEST
+    return WIDEST
 
 
 PROGRESS = Progress()

@@ -243,12 +243,17 @@ def _many(
 
 def _show_counts(rows: pd.DataFrame) -> None:
     """Print how many files have each verdict with its causes, and why others have none."""
-    told = Counter(zip(rows["verdict"], rows["causes"], rows["message"], strict=True))
-    lines = [
-        [verdict or "failed", causes or message, str(count)]
-        for (verdict, causes, message), count in told.most_common()
+    # Many files may fail for one reason, whatever their names
+    reasons = [
+        message.removeprefix(f"{file}: ")
+        for file, message in zip(rows["file"], rows["message"], strict=True)
     ]
-    console().print(table("Diagnoses", ["verdict", "causes or message", "files"], lines))
+    told = Counter(zip(rows["verdict"], rows["causes"], reasons, strict=True))
+    lines = [
+        [verdict or "failed", causes or reason, str(count)]
+        for (verdict, causes, reason), count in told.most_common()
+    ]
+    console().print(table("Diagnoses", ["verdict", "causes or reason", "files"], lines))
 
 
 def _show(found: Diagnosis) -> None:

@@ -393,6 +393,17 @@ def test_a_file_that_kills_every_process_fails_alone(tmp_path: Path, start: Star
     assert len(rows_of(tmp_path / "out.jsonl")) == 2
 
 
+def test_files_that_fail_for_one_reason_are_counted_together(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in ("bad.nc", "worse.nc"):
+        Path(name).write_text("no measurement", encoding="utf-8")
+    assert run(["diagnose", "bad.nc", "worse.nc", "none.nc", "--table", "out.csv"]) == 0
+    counted = [line for line in capsys.readouterr().out.splitlines() if line.startswith("failed")]
+    assert [line.split()[-1] for line in counted] == ["2", "1"]
+    assert "bad.nc" not in "".join(counted)
+
+
 def test_an_interrupt_is_one_line_leaves_all_that_is_finished_and_is_gone_on_from(
     tmp_path: Path, start: Starter
 ) -> None:

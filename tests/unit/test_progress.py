@@ -2,6 +2,7 @@
 
 import logging
 import os
+import termios
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, suppress
@@ -31,9 +32,10 @@ def in_a_file(path: Path) -> Iterator[Seen]:
 
 
 @contextmanager
-def on_a_terminal() -> Iterator[Seen]:
+def on_a_terminal(columns: int = 80) -> Iterator[Seen]:
     """Let standard error be a terminal, and show what comes to it."""
     ours, theirs = os.openpty()
+    termios.tcsetwinsize(theirs, (24, columns))
     os.set_blocking(ours, False)
     shown = ""
 
@@ -83,6 +85,18 @@ def test_a_terminal_is_told_again_and_the_line_is_taken_off(progress: Progress) 
         shown = seen().split(CLEAR)
     assert sum(part.startswith("meshing [b] …") for part in shown) >= 3
     assert shown[-1] == ""
+
+
+def test_a_command_of_many_files_stays_in_one_line(progress: Progress, tmp_path: Path) -> None:
+    command = f"femnl diagnose {' '.join(f'record_{k}.txt' for k in range(50))} --table t.csv"
+    with on_a_terminal(columns=60) as seen, progress.watch(command):
+        wait_for(seen, 2)
+        shown = seen().split(CLEAR)
+    assert max(len(part) for part in shown) == 59
+    assert shown[-1].startswith("working on femnl diagnose record_0.txt")
+    with in_a_file(tmp_path / "errors") as seen, progress.watch(command):
+        (line,) = wait_for(seen, 1)
+    assert len(line) == 120
 
 
 def test_a_bar_is_not_disturbed(progress: Progress) -> None:
