@@ -158,7 +158,7 @@ class Progress(logging.Handler):
             lasts = now - self._begun
             since = f" {lasts:.0f} s" if lasts >= self.first_word else ""
             before, after = (CLEAR, "") if sys.stderr.isatty() else ("", "\n")
-            step = self._step[: _room() - len(f" …{since}")]
+            step = self._step[: max(_room() - len(f" …{since}"), 0)]
             with suppress(OSError, ValueError):  # where nobody reads any more
                 sys.stderr.write(f"{before}{step} …{since}{after}")
                 sys.stderr.flush()
