@@ -202,37 +202,72 @@ class _Seen:
         k = len(allowed.directions)
         weight = allowed.pieces / max(len(result.residuals) - k, 1)
         rest = max(result.chi2 - float(seen @ seen), 0.0)
-        smooth = (1 + allowed.sizes**2)[:, None]
-        scatter = (1 + allowed.sizes**2)[None, :]
+        smooth = 1 + allowed.sizes**2
+        scatter = 1 + allowed.sizes**2
         per_scatter = weight / scatter
-        fisher = (
-            across * per_scatter[..., None, None]
-            + inside.T @ inside / smooth[..., None, None]
-            + np.diag(known)
-        )
+        own = across * per_scatter[:, None, None] + np.diag(known)
+        known_to_all = Information(own, inside)
         # What ended at a bound cannot move beyond it
         moving = np.concatenate([result.free, np.ones(missed.size, bool)])
-        gradient = pull * per_scatter[..., None] + inside.T @ seen / smooth[..., None]
-        gradient = gradient[..., moving]
-        free, ways = _information(fisher[..., moving, :][..., moving])
-        taken = np.sum((ways.swapaxes(-1, -2) @ gradient[..., None])[..., 0] ** 2 / free, axis=-1)
-        square = rest * per_scatter + float(seen @ seen) / smooth - taken
-        along, turned = _information(fisher)
-        volume = np.sum(np.log(along), axis=-1)
-        level = -0.5 * (square + k * np.log(smooth) + allowed.pieces * np.log(scatter) + volume)
+        known_to_free = Information(own[:, moving][:, :, moving], inside[:, moving])
+        taken = known_to_free.taken(pull[moving] * per_scatter[:, None], seen, smooth)
+        square = rest * per_scatter + float(seen @ seen) / smooth[:, None] - taken
+        level = -0.5 * (
+            square
+            + k * np.log(smooth)[:, None]
+            + allowed.pieces * np.log(scatter)
+            + known_to_all.log_determinant(smooth)
+        )
         best = np.unravel_index(int(np.argmax(level)), level.shape)
-        variance = np.sum(turned[best] ** 2 / along[best][None, :], axis=1)
+        variance = known_to_all.variance(smooth[best[0]], int(best[1]))
         spread = np.sqrt(variance[: width.size]) * width
         prior = log_prior(result.model, result.vector, spread) + float(np.sum(np.log(width)))
         constant = 0.5 * width.size * np.log(2 * np.pi) - np.log(level.size)
         return float(logsumexp(level) + prior + constant)
 
 
-def _information(fisher: Array) -> tuple[Array, Array]:
-    """Return the eigenvalues (…, m) of Fisher matrices (…, m, m) and their vectors.
+class Information:
+    """Fisher matrices F = M + BᵀB/v₁ for each size of the scatter, and any v₁ of the smooth part.
 
-    Priors of unit width or deviation tell 1 at least, which rounding may take from the matrix of
-    causes that do the same.
+    One decomposition of M and of B for each scatter does for all v₁.
     """
-    values, vectors = np.linalg.eigh(fisher)
-    return np.maximum(values, 1.0), np.asarray(vectors)
+
+    def __init__(self, own: Array, inside: Array) -> None:
+        """Take M (n_scatter, m, m) and B (k, m).
+
+        Priors of unit width or deviation tell 1 at least, which rounding may take from the matrix
+        of causes that do the same.
+        """
+        values, vectors = np.linalg.eigh(own)
+        self._values = np.maximum(values, 1.0)
+        self._unit = vectors / np.sqrt(self._values)[:, None, :]  # in which M is 1
+        self._left, self._size, self._right = np.linalg.svd(
+            inside @ self._unit, full_matrices=False
+        )
+
+    def log_determinant(self, smooth: Array) -> Array:
+        """Return ln|F| (n_smooth, n_scatter)."""
+        added = np.log1p(self._size**2 / smooth[:, None, None])
+        return np.asarray(np.sum(np.log(self._values), axis=1) + np.sum(added, axis=2))
+
+    def taken(self, pull: Array, seen: Array, smooth: Array) -> Array:
+        """Return gᵀF⁻¹g (n_smooth, n_scatter), g = pull + Bᵀ seen/v₁.
+
+        Args: pull (n_scatter, m); seen (k,).
+        """
+        pulled = np.einsum("smi,sm->si", self._unit, pull)
+        along = np.einsum("sri,si->sr", self._right, pulled)
+        beside = pulled - np.einsum("sri,sr->si", self._right, along)
+        own = self._size * np.einsum("skr,k->sr", self._left, seen)
+        both = along + own / smooth[:, None, None]
+        inside = np.sum(both**2 / (1 + self._size**2 / smooth[:, None, None]), axis=2)
+        return np.asarray(np.sum(beside**2, axis=1) + inside)
+
+    def variance(self, smooth: float, scatter: int) -> Array:
+        """Return the diagonal (m,) of F⁻¹ for v₁ and the index of a scatter."""
+        unit = self._unit[scatter]
+        right = self._right[scatter]
+        along = unit @ right.T
+        beside = unit - along @ right
+        left = along**2 / (1 + self._size[scatter] ** 2 / smooth)
+        return np.asarray(np.sum(beside**2, axis=1) + np.sum(left, axis=1))
