@@ -19,7 +19,7 @@ def test_one_decomposition_for_each_scatter_does_for_all_sizes_of_the_smooth_par
     columns[:, 5] = columns[:, 4]  # two causes that do the same
     inside = strength * rng.normal(size=(n_directions, 6))
     seen = rng.normal(size=n_directions)
-    pull = strength * rng.normal(size=6) / SCATTER[:, None]
+    pull = columns.T @ rng.normal(size=50) / SCATTER[:, None]
     own = columns.T @ columns / SCATTER[:, None, None] + np.diag([12.0] * 4 + [1.0] * 2)
     found = Information(own, inside)
     determinant = found.log_determinant(SMOOTH)
