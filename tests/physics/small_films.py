@@ -119,6 +119,10 @@ def squares() -> list[Film]:
     ]
 
 
+MESHES = (0.7, 0.85, 1.0, 1.2, 1.4)
+"""Resolutions of squares that are meshed whole: how two modes couple is the chance of a mesh."""
+
+
 def skewed() -> list[Film]:
     """Return films whose close modes mix, since film or mesh lacks the diagonal mirror."""
     bare = outline("square")
@@ -128,6 +132,14 @@ def skewed() -> list[Film]:
         Film("stretched array without bending", stretched(film(5, 5, bending=False), 1e-4)),
         *(Film(f"slope, {by:g}", sloped(stiff(bare, 0.05), by), 0.8) for by in (0.05, 0.005)),
         Film("sloped array", sloped(film(4, 4), 0.02), 0.8),
-        Film("square on a mesh of its own", stiff(bare, 0.1), symmetry="full"),
-        Film("square on a coarse mesh of its own", stiff(bare, 0.03), 0.7, symmetry="full"),
+        *(
+            Film(
+                f"square of layer {layer} on a whole mesh, {fine}",
+                stiff(bare, layer),
+                fine,
+                symmetry="full",
+            )
+            for layer in (0.03, 0.1)
+            for fine in MESHES
+        ),
     ]
