@@ -31,7 +31,7 @@ EFFECT = Effect(
     "whose ends reflect a quarter and two fifths of the voltage vary it by 0.1",
     imitates={
         "map": {UNKNOWN: 0.98},
-        "response": {"fano_background": 0.8, "group_delay": 0.66, UNKNOWN: 0.31},
+        "response": {"fano_background": 0.94, "group_delay": 0.66, UNKNOWN: 0.31},
         "trace": {UNKNOWN: 0.01},
     },
     equation="V → V + C V_drive",

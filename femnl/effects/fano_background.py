@@ -23,7 +23,7 @@ EFFECT = Effect(
     name="fano_background",
     accuracy=0.05,
     accuracy_reason="one resonance behind the mode; further ones are no constant",
-    imitates={"response": {"crosstalk": 1.0, "group_delay": 0.69, UNKNOWN: 0.49}},
+    imitates={"response": {"crosstalk": 1.0, "group_delay": 0.69, UNKNOWN: 0.71}},
     equation="V → V + C (w_p/2)/(f_p − f + iw_p/2) V_drive",
     parameters=(
         ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),

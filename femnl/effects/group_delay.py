@@ -18,7 +18,7 @@ EFFECT = Effect(
     name="group_delay",
     accuracy=0.01,
     accuracy_reason="a delay that is the same over the span",
-    imitates={"response": {UNKNOWN: 0.25}},
+    imitates={"response": {"fano_background": 0.51, UNKNOWN: 0.25}},
     equation="V → V e^{−2πi(f − f₀)τ}",
     parameters=(
         ParameterSpec(

@@ -29,11 +29,13 @@ EFFECT = Effect(
     accuracy_reason="one partner, of which the first order in the detuning is kept",
     imitates={
         "response": {
-            "nonlinear_damping": 0.98,
+            "nonlinear_damping": 1.0,
+            "nonlinear_readout": 1.0,
+            "quintic_stiffness": 0.99,
+            "one_sided_saturation": 0.9,
             "drive_compression": 0.89,
-            "one_sided_saturation": 0.83,
-            "detector_saturation": 0.52,
-            UNKNOWN: 0.26,
+            "detector_saturation": 0.62,
+            UNKNOWN: 0.36,
         }
     },
     equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)} / (f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; "

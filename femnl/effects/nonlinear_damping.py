@@ -28,7 +28,10 @@ EFFECT = Effect(
     name="nonlinear_damping",
     accuracy=0.05,
     accuracy_reason="the first order in u²; the next follows with u⁴",
-    imitates={"record": {UNKNOWN: 0.01}, "response": {"drive_compression": 0.84, UNKNOWN: 0.06}},
+    imitates={
+        "record": {UNKNOWN: 0.01},
+        "response": {"drive_compression": 0.84, "quintic_stiffness": 0.58, UNKNOWN: 0.06},
+    },
     equation="γ u̇ → γ (1 + η u²) u̇",
     parameters=(
         ParameterSpec(

@@ -24,7 +24,7 @@ EFFECT = Effect(
     accuracy=0.03,
     accuracy_reason="a sinusoidal fringe at its steepest point",
     imitates={
-        "response": {"one_sided_saturation": 0.97, "detector_saturation": 0.76, UNKNOWN: 0.05}
+        "response": {"one_sided_saturation": 0.97, "detector_saturation": 0.97, UNKNOWN: 0.07}
     },
     equation="V → V 2J₁(z)/z, z² = s (4π ξ(x_p) A/λ)² at each place x_p; ξ = 1 where x, y are not "
     "recorded",

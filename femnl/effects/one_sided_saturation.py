@@ -30,7 +30,12 @@ EFFECT = Effect(
     accuracy_reason="a sharp limit; amplifiers bend before they clip",
     imitates={
         "map": {"multilayer_fringe": 0.78, "detector_saturation": 0.75, UNKNOWN: 0.01},
-        "response": {"detector_saturation": 1.0, UNKNOWN: 0.06},
+        "response": {
+            "detector_saturation": 1.0,
+            "nonlinear_damping": 0.62,
+            "nonlinear_readout": 0.55,
+            UNKNOWN: 0.06,
+        },
         "trace": {"detector_saturation": 0.71, "multilayer_fringe": 0.69, UNKNOWN: 0.41},
     },
     equation="v − V₀ ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",

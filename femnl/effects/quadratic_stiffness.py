@@ -31,7 +31,7 @@ EFFECT = Effect(
     imitates={
         "map": {"static_bow": 0.82, UNKNOWN: 0.04},
         "record": {UNKNOWN: 0.01},
-        "response": {UNKNOWN: 0.01},
+        "response": {"internal_resonance": 0.79, UNKNOWN: 0.01},
         "trace": {UNKNOWN: 0.01},
     },
     equation="ω₀² (u + αu³) → ω₀² (u + κ₂u² + αu³), κ₂ = k₂/k: α lowered by (10/9)κ₂², u₀ = "

@@ -25,7 +25,8 @@ EFFECT = Effect(
         "response": {
             "quadratic_stiffness": 0.96,
             "internal_resonance": 0.94,
-            "drive_compression": 0.53,
+            "nonlinear_damping": 0.61,
+            "drive_compression": 0.56,
             UNKNOWN: 0.11,
         },
     },

@@ -25,7 +25,7 @@ EFFECT = Effect(
     accuracy=0.05,
     accuracy_reason="first order in f − f₀",
     imitates={
-        "response": {"crosstalk": 1.0, "fano_background": 0.97, "group_delay": 0.69, UNKNOWN: 0.41}
+        "response": {"crosstalk": 1.0, "fano_background": 1.0, "group_delay": 0.69, UNKNOWN: 0.51}
     },
     equation="V → V + (C₀ + C₁(f − f₀)) V_drive",
     parameters=(

@@ -15,7 +15,7 @@ EFFECT = Effect(
     name="unsettled_mode",
     accuracy=0.05,
     accuracy_reason="points at even times",
-    imitates={"response": {UNKNOWN: 0.01}},
+    imitates={"response": {UNKNOWN: 0.02}},
     equation="2 dA/dt = −(γ + 2iδ)A + F at each drive frequency for a time T; kept = e^{−γT/2}, "
     "γ = 2πw",
     parameters=(

@@ -20,7 +20,7 @@ from femnl.diagnose.multistart import extended, replaced
 from femnl.diagnose.posing import Posing
 from femnl.diagnose.sent import sent
 from femnl.effects import library
-from femnl.fits.least_squares import fit
+from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.extended import ExtendedModel
 from tests.blind.lab import GEOMETRIES
 from tests.blind.realistic.files import Draw, make
@@ -67,7 +67,19 @@ def taken(path: Path) -> tuple[str, dict[str, float]]:
     found = {p.effect.name: extended(first, p.effect, list(p.shapes)) for p in pointers}
     others = {e.name: replaced(first, e) for e in effects if not e.has_strength}
     fits = found | {name: one for name, one in others.items() if one is not None}
-    return model.kind, {name: (first.chi2 - one.chi2) / excess for name, one in fits.items()}
+    least = min([first.chi2, *(_without(first, one).chi2 for one in fits.values())])
+    left = least - first.degrees
+    return model.kind, {name: (least - one.chi2) / left for name, one in fits.items()}
+
+
+def _without(first: FitResult, one: FitResult) -> FitResult:
+    """Fit the base model from where a cause led.
+
+    A strong misfit may have caught its first fit, and any cause would seem to take up much.
+    """
+    (start, _) = first.model.split(first.vector)
+    (there, _) = one.model.split(one.vector)
+    return fit(first.model, first.model.pack(start | there, []), near=first)
 
 
 def largest(rows: Iterable[dict[str, Any]]) -> dict[str, dict[str, dict[str, float]]]:
