@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from femnl.core.portions import portions
 from femnl.core.readout import Array
-from femnl.diagnose.portions import portions
 from femnl.diagnose.score_test import ScoreTest, chi_square_tail
 from femnl.fits.least_squares import FitResult
 

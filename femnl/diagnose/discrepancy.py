@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp
 
+from femnl.core.portions import portions
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.distortions import Distortions
 from femnl.diagnose.done_by import done_by_each, effects_of
-from femnl.diagnose.portions import portions
 from femnl.fits.least_squares import FitResult, log_prior
 from femnl.observe.model import MeasurementModel
 from femnl.observe.residuals import Layout

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from femnl.core.portions import portions
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.distortions import Distortions
 from femnl.diagnose.done_by import changed_by, effects_of
-from femnl.diagnose.portions import portions
 
 
 def equation_sd(best: Candidate, base: Candidate) -> Array:

@@ -5,11 +5,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.fits.least_squares import FitResult, covariance, fit, improve, stored
+from femnl.fits.least_squares import FitResult, covariance, fit, stored
 from femnl.observe.extended import ExtendedModel
 
-ROUGH = 6
-"""Evaluations after which a fit to all data must have gained what makes a cause worth a fit."""
+RULED_OUT = 10.0
+"""Standard deviations of χ² beyond which no noise leaves so much."""
 
 
 def in_part(result: FitResult) -> FitResult:
@@ -43,7 +43,8 @@ def best_in_all(found: Iterable[FitResult], near: FitResult) -> FitResult:
     start = min(
         (one.vector for one in fits), key=lambda vector: float(np.sum(whole.residuals(vector) ** 2))
     )
-    chi2, vector = improve(whole, start, ROUGH, near)
-    # A cause that does hardly anything leaves valleys along which a fit creeps for long
-    gains = near.chi2 - chi2 > THRESHOLDS.least_taken
-    return fit(whole, vector, most=100 if gains else 1, near=near)
+    # A cause that does hardly anything leaves valleys along which a fit creeps for long, and so do
+    # two that do nearly the same beside a misfit
+    n = len(near.residuals)
+    worth = min(near.chi2 - THRESHOLDS.least_taken, n + RULED_OUT * (2 * n) ** 0.5)
+    return fit(whole, start, near=near, worth=worth)

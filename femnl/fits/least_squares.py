@@ -196,18 +196,21 @@ def fit(
     most: int = 100,
     near: FitResult | None = None,
     *,
+    worth: float = np.inf,
     checkpoint: Checkpoint | None = None,
 ) -> FitResult:
     """Minimise χ² from a start.
 
     With `keep` (n_residuals,) the sum runs only over those residuals, though all are returned.
 
-    near: a solution with parameters of this model, whose tangents tell what steps suit them, and
-    whose checkpoint keeps this fit too. checkpoint: of a first fit.
+    most: evaluations. near: a solution with parameters of this model, whose tangents tell what
+    steps suit them, and whose checkpoint keeps this fit too. worth: χ² above which a fit ends once
+    it gains little. checkpoint: of a first fit.
     """
     if near is not None:
         checkpoint = near.checkpoint
-    end, steps = recalled(model, start, (keep, most), _first_steps(model, near), checkpoint)
+    asked = (keep, most, worth)
+    end, steps = recalled(model, start, asked, _first_steps(model, near), checkpoint)
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
@@ -230,7 +233,7 @@ def stored(slopes: Array) -> NDArray[np.floating]:
 def improve(model: ExtendedModel, start: Array, most: int, near: FitResult) -> tuple[float, Array]:
     """Return χ² and the vector of a fit that is only to be ranked and continued."""
     first = _first_steps(model, near)
-    end, _ = recalled(model, start, (None, most), first, near.checkpoint)
+    end, _ = recalled(model, start, (None, most, np.inf), first, near.checkpoint)
     return float(np.sum(model.residuals(end) ** 2)), end
 
 
@@ -272,7 +275,7 @@ def held_out(result: FitResult, most: int) -> float:
     blocks = result.model.base_model.blocks
     square = 0.0
     for block in np.unique(blocks[blocks >= 0]):
-        asked = (blocks != block, most)
+        asked = (blocks != block, most, np.inf)
         first = _first_steps(model, result)
         end, _ = recalled(model, result.vector, asked, first, result.checkpoint)
         square += float(np.sum(model.residuals(end)[blocks == block] ** 2))

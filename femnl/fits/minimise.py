@@ -23,6 +23,9 @@ LITTLE = ((25.0, 0.01), (2.0, 5e-4))
 """Iterations in which χ² must fall by a part, or a fit ends that leaves more than so much of it per
 datum: so slow a valley is left to fits from elsewhere.
 """
+SHORT = 5
+GAIN = 8.0
+"""Iterations in which χ² must fall by so much, or a fit ends that is not worth more."""
 NEARLY = 1e-6
 NEAR_BOUND = 1e-3
 """Distances from its bound, in parts of the range, from which on a parameter is put there: in any
@@ -36,9 +39,16 @@ XTOL = 1e-9
 
 
 def minimise(
-    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
+    model: ExtendedModel,
+    start: Array,
+    keep: NDArray[np.bool_] | None,
+    most: int,
+    first: Array,
+    worth: float = np.inf,
 ) -> tuple[Array, Array]:
     """Return the minimum and the steps at which tangents are taken there.
+
+    Args: as `recalled`.
 
     Raises: FloatingPointError where it would begin at numbers that are not finite.
     """
@@ -67,7 +77,7 @@ def minimise(
             **options,
         )
 
-    creeping = _Creeping(len(at[data.chosen]))
+    creeping = _Creeping(len(at[data.chosen]), worth)
     found = solve(start_part, method="trf", max_nfev=most, callback=creeping)
     part = model.part_of_range(data.straight(found.x))
     pushed = _pushed(found, part)
@@ -168,8 +178,10 @@ class _Data:
 class _Creeping:
     """Ends a fit that is far from all data and hardly gains any more, though its steps go on."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, worth: float) -> None:
+        """Take how many data there are, and the χ² from which on little is gained by any fit."""
         self._limits = [(far * count / 2, 1 - part) for far, part in LITTLE]
+        self._worth = worth
         self._costs: list[float] = []
 
     def __call__(self, intermediate_result: OptimizeResult) -> None:
@@ -180,6 +192,9 @@ class _Creeping:
         for before in long_ago:
             if any(cost > max(far, left * before) for far, left in self._limits):
                 raise StopIteration
+        lately = self._costs[-SHORT - 1 : -SHORT]
+        if 2 * cost > self._worth and any(2 * (before - cost) < GAIN for before in lately):
+            raise StopIteration
 
 
 def _pushed(found: OptimizeResult, part: Array) -> NDArray[np.bool_]:

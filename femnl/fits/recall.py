@@ -14,36 +14,41 @@ from femnl.observe.extended import ExtendedModel
 def recalled(
     model: ExtendedModel,
     start: Array,
-    asked: tuple[NDArray[np.bool_] | None, int],
+    asked: tuple[NDArray[np.bool_] | None, int, float],
     first: Array,
     checkpoint: Checkpoint | None,
 ) -> tuple[Array, Array]:
     """Return what the checkpoint keeps of a fit, or make it.
 
-    asked: residuals to fit and most evaluations, see `fit`. first (p,): steps at the start.
+    asked: residuals to fit, most evaluations, and what χ² is worth them, see `fit`. first (p,):
+    steps at the start.
     """
-    keep, most = asked
+    keep, most, worth = asked
     if checkpoint is None:
-        return minimise(model, start, keep, most, first)
+        return minimise(model, start, keep, most, first, worth)
     return checkpoint.recall(
-        _key(model, start, keep, most, first), lambda: minimise(model, start, keep, most, first)
+        _key(model, start, asked, first), lambda: minimise(model, start, keep, most, first, worth)
     )
 
 
 def _key(
-    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
+    model: ExtendedModel,
+    start: Array,
+    asked: tuple[NDArray[np.bool_] | None, int, float],
+    first: Array,
 ) -> str:
     """Name a fit by all that it depends on beside the file.
 
     The first residuals are part of it, since a problem posed in two ways starts in two places.
     """
+    keep, *ends = asked
     digest = hashlib.sha256(
         repr(
             (
                 model.parameters,
                 [effect.equation for effect in model.effects],
                 model.base_model.variant,
-                most,
+                *ends,
             )
         ).encode()
     )

@@ -66,6 +66,37 @@ def test_a_fit_ends_where_one_that_sees_all_residuals_does(left_out: int) -> Non
     np.testing.assert_allclose(end, direct.x, atol=1e-3)
 
 
+def valley(value: Array, values: Values) -> Array:
+    """H. H. Rosenbrock's valley, Computer Journal 3, 175 (1960), along which χ² falls slowly."""
+    x, y = values["x"], values["y"]
+    return np.asarray(value + np.pad([10 * (y - x * x), 1 - x], (0, N - 2)))
+
+
+def test_a_fit_that_is_not_worth_more_ends_in_a_slow_valley() -> None:
+    level = Level(np.zeros(N), np.zeros(N, np.int64), HALF)
+    parameters = (ParameterSpec("x", "1", -5, 5), ParameterSpec("y", "1", -5, 5))
+    model = ExtendedModel(
+        level, (Effect("valley", "", parameters, {"placement": valley}, "", "", ""),)
+    )
+    start = np.array([0.0, -1.2, 1.0])
+    left = [
+        float(np.sum(model.residuals(end) ** 2))
+        for worth in (np.inf, 1e-6)
+        for end, _ in [minimise(model, start, None, 100, steps_for(model, np.zeros(3)), worth)]
+    ]
+    assert left[0] < 1e-6
+    assert left[1] > 1
+
+
+def test_the_triangle_of_many_rows_is_that_of_all() -> None:
+    rows = np.random.default_rng(SEED).standard_normal((10_000, 4))
+    triangle = Triangle(lambda _: rows[:, 3], lambda _: rows[:, :3])
+    here = np.zeros(3)
+    residuals = triangle.residuals(here)
+    found = np.column_stack([triangle.slopes(here), residuals])
+    np.testing.assert_allclose(found.T @ found, rows.T @ rows, rtol=1e-10, atol=1e-8)
+
+
 def test_a_triangle_has_the_square_and_the_gradient_of_all_residuals() -> None:
     """Of r = (x² − 4, xy, y − 3, 1), whose slopes are known in closed form."""
     triangle = Triangle(
