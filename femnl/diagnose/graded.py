@@ -76,15 +76,19 @@ class Graded:
         """Return the part of the held-out excess χ² that causes named in part must take up.
 
         A single cause may leave half of what it leaves of anything that no library has, unless it
-        imitates a cause that was not considered.
+        imitates a cause that was not considered; a cause of one resonance that does is asked for
+        nearly all, however inexact its equation.
         """
         least = self._least_share_of_kind(candidate)
         effects = candidate.result.model.effects
         if len(effects) != 1:
             return least
-        imitated = effects[0].imitates.get(self.base.result.model.base_model.kind, {})
-        if UNKNOWN not in imitated or not imitated.keys() <= {*self.considered, UNKNOWN}:
+        kind = self.base.result.model.base_model.kind
+        imitated = effects[0].imitates.get(kind, {})
+        if UNKNOWN not in imitated:
             return least
+        if not imitated.keys() <= {*self.considered, UNKNOWN}:
+            return THRESHOLDS.least_share_of_alike if kind in OF_ONE_RESONANCE else least
         return min(least, max((1 + imitated[UNKNOWN]) / 2, THRESHOLDS.least_share_of_unlike))
 
     def _least_share_of_kind(self, candidate: Candidate) -> float:

@@ -285,6 +285,18 @@ def test_causes_of_one_resonance_may_leave_what_their_equations_may_miss(
     assert found.graded.least_share(line) == pytest.approx(least)
 
 
+@pytest.mark.parametrize(("considered", "least"), [((), 0.99), (("lacking",), 0.96)])
+def test_a_cause_of_one_resonance_may_not_where_it_imitates_one_that_was_not_considered(
+    considered: tuple[str, ...], least: float
+) -> None:
+    noise = np.random.default_rng(20261127).standard_normal(N)
+    model = OfSweeps(STRONG * PLACE + noise, BLOCKS, 1e4)
+    imitates: dict[str, dict[str, float]] = {"response": {"lacking": 0.9, UNKNOWN: 0.95}}
+    line = candidate(model, replace(cause("line", 1, 0.1), imitates=imitates))
+    found = Weighed([candidate(model), line], considered=frozenset({"line", *considered}))
+    assert found.graded.least_share(line) == pytest.approx(least)
+
+
 class OfPlaces(Level):
     kind = "trace"
 
