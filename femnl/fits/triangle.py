@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from femnl.core.portions import portions
+from femnl.core.portions import PORTION, portions
 from femnl.core.readout import Array
 
 ROUNDING = 1e-14
@@ -56,9 +56,9 @@ def _triangle(slopes: Array, residuals: Array) -> Array:
     Of portions that stay in the processor's cache, and then of their triangles, it is found in
     two fifths of the time.
     """
+    if len(residuals) <= PORTION:
+        return _of_portion(slopes, residuals)
     found = [_of_portion(slopes[at], residuals[at]) for at in portions(len(residuals))]
-    if len(found) == 1:
-        return found[0]
     return np.asarray(np.linalg.qr(np.concatenate(found), mode="r"))
 
 
