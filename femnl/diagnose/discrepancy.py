@@ -209,7 +209,11 @@ class _Seen:
         known_to_all = Information(own, inside)
         # What ended at a bound cannot move beyond it
         moving = np.concatenate([result.free, np.ones(missed.size, bool)])
-        known_to_free = Information(own[:, moving][:, :, moving], inside[:, moving])
+        known_to_free = (
+            known_to_all
+            if moving.all()
+            else Information(own[:, moving][:, :, moving], inside[:, moving])
+        )
         taken = known_to_free.taken(pull[moving] * per_scatter[:, None], seen, smooth)
         square = rest * per_scatter + float(seen @ seen) / smooth[:, None] - taken
         level = -0.5 * (
