@@ -15,7 +15,7 @@ EFFECT = Effect(
     name="drive_compression",
     accuracy=0.2,
     accuracy_reason="a piezo saturates or grows by laws of its own",
-    imitates={"response": {"nonlinear_damping": 0.92, UNKNOWN: 0.03}},
+    imitates={"response": {"nonlinear_damping": 0.89, UNKNOWN: 0.03}},
     equation="F → V/(1 + κV²)",
     parameters=(
         ParameterSpec(

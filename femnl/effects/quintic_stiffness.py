@@ -25,7 +25,7 @@ EFFECT = Effect(
         "response": {
             "quadratic_stiffness": 0.96,
             "internal_resonance": 0.94,
-            "nonlinear_damping": 0.61,
+            "nonlinear_damping": 0.79,
             "drive_compression": 0.56,
             UNKNOWN: 0.11,
         },

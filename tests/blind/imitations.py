@@ -60,16 +60,17 @@ def taken(path: Path) -> tuple[str, dict[str, float]]:
     """
     model, effects = Posing(path, None, sent(list(library().values()), 1))(None)
     first = fit(ExtendedModel(model), model.start)
-    excess = first.chi2 - first.degrees
-    if excess < LEAST:
+    if first.chi2 - first.degrees < LEAST:
         return model.kind, {}
     pointers = criticise(first, effects).pointers or ()
     found = {p.effect.name: extended(first, p.effect, list(p.shapes)) for p in pointers}
     others = {e.name: replaced(first, e) for e in effects if not e.has_strength}
     fits = found | {name: one for name, one in others.items() if one is not None}
     least = min([first.chi2, *(_without(first, one).chi2 for one in fits.values())])
-    left = least - first.degrees
-    return model.kind, {name: (least - one.chi2) / left for name, one in fits.items()}
+    excess = least - first.degrees
+    if excess < LEAST:
+        return model.kind, {}
+    return model.kind, {name: (least - one.chi2) / excess for name, one in fits.items()}
 
 
 def _without(first: FitResult, one: FitResult) -> FitResult:
