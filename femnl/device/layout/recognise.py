@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from femnl.core.outline import Outline, Segment
 from femnl.device.geometry.corners import arc_through
 from femnl.device.geometry.shapes import ellipse
+from femnl.device.layout.circles import FITTED, MOVED_ALL_AROUND, Circle, fitted, rounded
 from femnl.device.layout.ellipses import WIDEST, whole_ellipse
 
 Array = NDArray[np.float64]
@@ -18,32 +19,8 @@ FEWEST = 4
 """Chords that make an arc."""
 ROUNDING = 0.75
 """Steps of the grid by which a corner may lie off its curve: rounding x and y takes 0.71."""
-FITTED = 1.1
-"""Steps of the grid by which corners may lie off the circle or ellipse of least squares, which
-chance leads astray."""
-MOVED = 50.0
-"""Steps of the grid by which a radius may move for a round number: a short arc hardly fixes it."""
-MOVED_ALL_AROUND = 3 * FITTED
-"""The same where corners lie all around: they cannot all lie within FITTED of two circles whose
-radii differ by more than twice that."""
-CENTRING = 4  # steps at most, of Gauss and Newton
-CENTRED = 1e-9  # of the radius, the last step
-STEPS = (1000.0, 500.0, 100.0, 50.0, 10.0, 5.0, 1.0, 0.5, 0.1)
-"""Steps of the grid in which a radius is tried, the roundest number first."""
 SHARPEST = np.radians(150.0)
 """A corner that turns by more has no fillet: its two edges meet far away."""
-
-
-@dataclass(frozen=True)
-class Circle:
-    """A circle that chords follow within a tolerance."""
-
-    centre: Array
-    radius: float
-
-    def off(self, points: Array) -> float:
-        """Return how far the farthest of points (n, 2) lies off the circle."""
-        return float(np.abs(np.hypot(*(points - self.centre).T) - self.radius).max())
 
 
 def recognise(corners: Array, grid: float) -> tuple[Loop, Counter[str]]:
@@ -80,7 +57,7 @@ def _whole_curve(points: Array, tolerance: float, grid: float) -> tuple[Loop, Co
     chords = np.hypot(*(_next(points) - points).T)
     if not (np.all(turns > 0) or np.all(turns < 0)):
         return None
-    circle = _rounded(_fit(points), points, grid, MOVED_ALL_AROUND)
+    circle = rounded(fitted(points), points, grid, MOVED_ALL_AROUND)
     if circle is not None and chords.max() <= WIDEST * circle.radius + 2 * tolerance:
         centre = (float(circle.centre[0]), float(circle.centre[1]))
         return ellipse(centre, (circle.radius, circle.radius)), Counter(circles=1)
@@ -113,7 +90,7 @@ def _runs(points: Array, tolerance: float, grid: float) -> list[_Run]:
         if run is None:
             k += 1
             continue
-        circle = _rounded(run.circle, points[np.arange(k, run.last + 1) % number], grid)
+        circle = rounded(run.circle, points[np.arange(k, run.last + 1) % number], grid)
         found.append(run if circle is None else _Run(run.first, run.last, circle))
         k = run.last
     return found
@@ -133,7 +110,7 @@ def _longest(
 
     def run_to(last: int) -> _Run | None:
         some = points[np.arange(first, last + 1) % number]
-        circle = _fit(some)
+        circle = fitted(some)
         if circle is None or circle.off(some) > tolerance:
             return None
         chords = np.hypot(*np.diff(some, axis=0).T)
@@ -151,55 +128,6 @@ def _longest(
         else:
             longest = run
     return longest
-
-
-def _fit(points: Array) -> Circle | None:
-    """The circle whose algebraic distance x² + y² − 2c·x − k is least (Kåsa)."""
-    middle = points.mean(axis=0)
-    scale = float(np.abs(points - middle).max())
-    x = (points - middle) / scale
-    columns = np.concatenate([2 * x, np.ones((len(x), 1))], axis=1)
-    solution, _, rank, _ = np.linalg.lstsq(columns, np.sum(x * x, axis=1), rcond=1e-9)
-    square = solution[2] + solution[:2] @ solution[:2]
-    if rank < 3 or square <= 0:
-        return None
-    return Circle(middle + scale * solution[:2], float(scale * np.sqrt(square)))
-
-
-def _rounded(
-    circle: Circle | None, points: Array, grid: float, moved: float = MOVED
-) -> Circle | None:
-    """The circle with the roundest radius and centre that all points lie on, if there is one.
-
-    moved: steps of the grid by which its radius may move.
-    """
-    if circle is None or circle.off(points) > FITTED * grid:
-        return None
-    radii = [round(circle.radius / (step * grid)) * (step * grid) for step in STEPS]
-    for radius in dict.fromkeys(radii):
-        if abs(radius - circle.radius) > moved * grid or radius == 0:
-            continue
-        tried = _centred(Circle(circle.centre, radius), points)
-        for places in (1.0, 0.5):
-            centre = np.round(tried.centre / (places * grid)) * (places * grid)
-            if Circle(centre, radius).off(points) <= FITTED * grid:
-                return Circle(centre, radius)
-        if tried.off(points) <= FITTED * grid:
-            return tried
-    return circle
-
-
-def _centred(circle: Circle, points: Array) -> Circle:
-    """The circle of the same radius from which points lie off least (Gauss–Newton)."""
-    centre = circle.centre
-    for _ in range(CENTRING):
-        spokes = points - centre
-        size = np.hypot(*spokes.T)
-        step = np.linalg.lstsq(-spokes / size[:, None], circle.radius - size, rcond=None)[0]
-        centre = centre + step
-        if np.hypot(*step) <= CENTRED * circle.radius:
-            break
-    return Circle(centre, circle.radius)
 
 
 def _loop(
