@@ -46,7 +46,7 @@ class Segment:
             return np.zeros((2, 2))
         if self.semi_axes is None:
             radius = math.dist(self.start, self.centre)
-            return np.diag([radius, radius])
+            return np.array([[radius, 0.0], [0.0, radius]])
         c = math.cos(self.angle)
         s = math.sin(self.angle)
         return np.asarray(np.array([[c, -s], [s, c]]) * self.semi_axes)

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from femnl.core.errors import GeometryError
-from femnl.core.outline import Holes, Outline
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import curves, load
 from femnl.device.geometry.outlines import Etched
+from femnl.device.geometry.shapes import ellipse
 
 Array = NDArray[np.float64]
 NAMES = [
@@ -164,6 +165,31 @@ def test_a_polyline_is_closed_and_stays_on_the_outline(name: str) -> None:
     x, y = line.T
     inscribed = np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) / 2
     assert inscribed == pytest.approx(curves.area(outline), rel=2e-3)
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_many_polylines_are_those_of_each_curve(clockwise: bool) -> None:
+    around = ellipse((3e-6, -1e-6), (2e-6, 2e-6))
+    third = np.radians(120) + np.radians(17)
+    start = (3e-6 + 2e-6 * float(np.cos(third)), -1e-6 + 2e-6 * float(np.sin(third)))
+    arcs = [(start, around[0].start), (around[0].start, start)]
+    unequal = [Segment(a, b, around[0].centre, clockwise=clockwise) for a, b in arcs]
+    rims = [
+        load("square-270um").outline,
+        Outline("path", tuple(unequal), None, 4e-6),
+        Outline("circle", around, None, 4e-6),
+        Outline("ellipse", ellipse((0.0, 0.0), (2e-6, 1e-6)), None, 4e-6),
+    ]
+    lines = curves.polylines(rims, 36)
+    for rim, line in zip(rims, lines, strict=True):
+        np.testing.assert_array_equal(line[0], line[-1])
+        assert curves.distance(rim, line).max() < 1e-12 * rim.length
+    for k in (0, 2, 3):
+        np.testing.assert_allclose(lines[k], curves.polyline(rims[k], 36), atol=1e-20)
+    # Equal steps all around the circle, which is walked as its first arc is
+    x, y = np.subtract(lines[1], (3e-6, -1e-6)).T
+    steps = np.diff(np.unwrap(np.arctan2(y, x)))
+    np.testing.assert_allclose(steps, (-1 if clockwise else 1) * np.pi / 18, rtol=1e-9)
 
 
 def test_a_ring_of_discs_leaves_a_pillar_and_is_refused() -> None:

@@ -72,6 +72,7 @@ def devices(device: Device) -> dict[str, Model]:
             device(CIRCLE), holes=holes_at((0, 0), (3, 0), (-3, 0), (0, 3), (0, -3))
         ),
         "trampoline": trampoline,
+        "metallised drum": load("metallised-drum"),
     }
 
 
@@ -102,6 +103,7 @@ CASES = [
     *(("perforated circle", s) for s in ("full", "half", "quarter", "eighth")),
     ("trampoline", "full"),
     ("trampoline", "quarter"),
+    ("metallised drum", "full"),
 ]
 
 

@@ -4,6 +4,7 @@ Area, box, inside or outside, distance, points to draw.
 """
 
 import math
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -48,8 +49,15 @@ def radius(segment: Segment) -> float:
     """Return the smallest radius of curvature of an arc [m], 0 for a line."""
     if segment.centre is None:
         return 0.0
-    short, long = sorted(segment.semi_axes or 2 * (segment.frame[0, 0],))
-    return float(short**2 / long)
+    short, long = sorted(half_axes(segment))
+    return short**2 / long
+
+
+def half_axes(segment: Segment) -> tuple[float, float]:
+    """Return the two half axes of an arc [m], equal for a circle, 0 for a line."""
+    if segment.centre is None:
+        return 0.0, 0.0
+    return segment.semi_axes or 2 * (math.dist(segment.start, segment.centre),)
 
 
 def area(outline: Outline) -> float:
@@ -59,10 +67,9 @@ def area(outline: Outline) -> float:
     """
     total = 0.0
     for s in outline.segments:
-        centre = np.zeros(2) if s.centre is None else np.asarray(s.centre)
-        chord = np.subtract(s.end, s.start)
-        about = centre if s.centre is not None else np.asarray(s.start)
-        total += about[0] * chord[1] - about[1] * chord[0] + np.linalg.det(s.frame) * turn(s)
+        x, y = s.start if s.centre is None else s.centre
+        total += x * (s.end[1] - s.start[1]) - y * (s.end[0] - s.start[0])
+        total += math.prod(half_axes(s)) * turn(s)
     return total / 2
 
 
@@ -157,17 +164,42 @@ def polyline(outline: Outline, per_turn: int = 180) -> Array:
 
     Arcs are cut into `per_turn` pieces a full turn.
     """
-    first = outline.segments[0]
-    if outline.kind == "circle":  # one arc walked on beyond its end: films have thousands
-        turns = np.arange(per_turn) / per_turn
-        points = point_at(first, 2 * np.pi / abs(turn(first)) * turns)
-        return np.concatenate([points, [first.start]])
     pieces = [
         point_at(s, np.arange(n) / n)
         for s in outline.segments
         for n in [max(1, round(abs(turn(s)) / (2 * np.pi) * per_turn))]
     ]
-    return np.concatenate([*pieces, [first.start]])
+    return np.concatenate([*pieces, [outline.segments[0].start]])
+
+
+def polylines(outlines: Sequence[Outline], per_turn: int = 180) -> list[Array]:
+    """Return points (n, 2) [m] along each of many outlines, as `polyline` does along one.
+
+    Circles are walked together, since films have thousands.
+    """
+    found: dict[int, Array] = {}
+    circles = [k for k, outline in enumerate(outlines) if _is_circle(outline)]
+    if circles:
+        firsts = [outlines[k].segments[0] for k in circles]
+        start = np.array([s.start for s in firsts])
+        centre = np.array([s.centre for s in firsts])
+        sense = np.array([-1 if s.clockwise else 1 for s in firsts])
+        angle = 2 * np.pi / per_turn * np.arange(per_turn)
+        turns = np.array([[*np.cos(angle), 1.0], [*np.sin(angle), 0.0]]).T
+        spoke = start - centre
+        across = sense[:, None] * np.stack([-spoke[:, 1], spoke[:, 0]], axis=1)
+        around = turns @ np.stack([spoke, across], axis=1)
+        around += centre[:, None]
+        found = dict(zip(circles, around, strict=True))
+    return [found[k] if k in found else polyline(rim, per_turn) for k, rim in enumerate(outlines)]
+
+
+def _is_circle(outline: Outline) -> bool:
+    """Whether a closed curve is one circle, however many arcs of it there are."""
+    centre = outline.segments[0].centre
+    return centre is not None and all(
+        s.centre == centre and s.semi_axes is None for s in outline.segments
+    )
 
 
 def widths(outline: Outline, samples: int = 9) -> Array:

@@ -39,16 +39,18 @@ def openings(groups: Sequence[HolesTable]) -> Openings:
     for group in groups:
         centres = group.positions()
         like, which = group.prototypes(len(centres))
-        chords = [curves.polyline(rim, PER_TURN) for rim in like]
-        for centre, k in zip(centres, which, strict=True):
-            rims.append(placed(like[k], centre))
-            shapes.append(shapely.Polygon(chords[k] + centre))
+        chords = curves.polylines(like, PER_TURN)
+        rims += [placed(like[k], centre) for centre, k in zip(centres, which, strict=True)]
+        shapes += [
+            shapely.Polygon(chords[k] + centre) for centre, k in zip(centres, which, strict=True)
+        ]
     return Openings(tuple(rims), np.array(shapes, dtype=object))
 
 
 def drawn(rims: Sequence[Outline]) -> Openings:
     """Return openings of which the rims are known."""
-    return Openings(tuple(rims), np.array([polygon(rim) for rim in rims], dtype=object))
+    shapes = [shapely.Polygon(line) for line in curves.polylines(rims, PER_TURN)]
+    return Openings(tuple(rims), np.array(shapes, dtype=object))
 
 
 def joined(inner: Openings, rims: Sequence[Outline]) -> Openings:

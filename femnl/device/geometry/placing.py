@@ -1,5 +1,6 @@
 """Outlines and devices moved and turned in the plane."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -45,14 +46,15 @@ def held(outline: Outline, clamped: bool) -> Outline:
 
 
 def _placed(segment: Segment, at: Array, angle: float) -> Segment:
-    c = np.cos(angle)
-    s = np.sin(angle)
-    turn = np.array([[c, -s], [s, c]])
+    c = math.cos(angle)
+    s = math.sin(angle)
 
     def image(point: tuple[float, float]) -> tuple[float, float]:
+        x, y = point
         # A turn by nothing must leave coordinates as they are written
-        x, y = at + (point if angle == 0 else turn @ point)
-        return float(x), float(y)
+        if angle != 0:
+            x, y = c * x - s * y, s * x + c * y
+        return float(at[0]) + x, float(at[1]) + y
 
     return replace(
         segment,

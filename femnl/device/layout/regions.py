@@ -206,11 +206,9 @@ def _sorted(edge: Loop, placed: list[Placed]) -> tuple[list[Placed], list[Placed
 
 def _chords(placed: list[Placed]) -> NDArray[np.object_]:
     """Polygons of curves in their places, the chords of like ones found once."""
-    drawn: dict[int, Array] = {}
-    for one in placed:
-        if id(one.loop) not in drawn:
-            drawn[id(one.loop)] = curves.polyline(outline_of(one.loop), PER_TURN)
-    return np.array([shapely.Polygon(drawn[id(one.loop)] + one.at) for one in placed])
+    like = {id(one.loop): outline_of(one.loop) for one in placed}
+    chords = dict(zip(like, curves.polylines(list(like.values()), PER_TURN), strict=True))
+    return np.array([shapely.Polygon(chords[id(one.loop)] + one.at) for one in placed])
 
 
 def _only(regions: list[Region]) -> Region:

@@ -20,6 +20,8 @@ Index = NDArray[np.int64]
 LINE, TRIANGLE, CURVED_LINE = 1, 2, 8
 """gmsh's numbers of elements: two ends, three corners, two ends and a middle."""
 EDGES = ([0, 1], [1, 2], [2, 0])  # of a triangle, in gmsh's order
+OPPOSITE = np.array([1, 2, 0])  # of those, to each corner
+BEYOND = (2, 0, 1)  # corner, of those in order, opposite to each of scikit-fem's facets
 NEAR = 1e-3  # of an ellipse's shorter half axis, up to which nodes on the edge belong to it
 JOIN = 1e-9  # of the largest coordinate, up to which corners are the same
 
@@ -49,12 +51,10 @@ def collect(named: dict[str, list[int]], unit: float) -> Raw:
     mesh = gmsh.model.mesh
     corners, row = _nodes(unit)
     triangles = row[mesh.getElementsByType(TRIANGLE)[1].reshape(-1, 3)]
-    edges = {}
-    for name, tags in named.items():
-        ends = [row[mesh.getElements(1, tag)[2][0].reshape(-1, 2)] for tag in tags]
-        if ends:
-            edges[name] = np.concatenate(ends)
-    lines = row[mesh.getElementsByType(LINE)[1].reshape(-1, 2)]
+    elements, ends = mesh.getElementsByType(LINE)
+    lines = row[ends.reshape(-1, 2)]
+    boundary = _boundaries(named, elements)
+    edges = {name: lines[boundary == k] for k, name in enumerate(named) if named[name]}
     for _, face in gmsh.model.getEntities(2):
         mesh.removeElements(2, face)
     mesh.setOrder(2)  # numbers nodes anew, and keeps lines in their order
@@ -63,6 +63,22 @@ def collect(named: dict[str, list[int]], unit: float) -> Raw:
     sides, middles = _sides(triangles, lines, corners, on_curves)
     points = np.concatenate([corners, middles])
     return Raw(points, np.concatenate([triangles, len(corners) + sides], axis=1), edges)
+
+
+def _boundaries(named: dict[str, list[int]], lines: Index) -> Index:
+    """Return the position among the boundaries of that on which each of gmsh's lines lies.
+
+    It is -1 on none. gmsh is asked about each curve, which takes long, but those of the boundary
+    with the most curves: the lines that are left are its own.
+    """
+    number = {tag: k for k, tags in enumerate(named.values()) for tag in tags}
+    most = int(np.argmax([len(tags) for tags in named.values()]))
+    boundary = np.full(int(lines.max()) + 1, most)
+    for _, tag in gmsh.model.getEntities(1):
+        if number.get(tag, -1) != most:
+            for on_curve in gmsh.model.mesh.getElements(1, tag)[1]:
+                boundary[on_curve] = number.get(tag, -1)
+    return np.asarray(boundary[lines])
 
 
 def _nodes(unit: float) -> tuple[Array, Index]:
@@ -124,15 +140,23 @@ def assemble(raw: Raw) -> MeshTri2:
 
     Vertices of each triangle sorted, middles of edges numbered by facet, boundaries named.
     """
-    corners = np.unique(raw.triangles[:, :3])
+    used = np.zeros(len(raw.points), dtype=bool)
+    used[raw.triangles[:, :3]] = True
+    corners = np.flatnonzero(used)
     vertex = np.full(len(raw.points), -1)
     vertex[corners] = np.arange(len(corners))
     places = np.ascontiguousarray(raw.points[corners].T)
     # One mesh from the start, as every other numbers its edges anew, which takes seconds of large
     # ones: its middles and boundaries follow.
     boundaries: dict[str, Index] = {}
-    triangles = np.sort(vertex[raw.triangles[:, :3]], axis=1).T
+    turned = np.argsort(raw.triangles[:, :3], axis=1)
+    triangles = vertex[np.take_along_axis(raw.triangles, turned, axis=1)].T
     result = MeshTri2(places, np.ascontiguousarray(triangles), _boundaries=boundaries)
+    middles = np.empty((2, result.nfacets))
+    for facets, corner in zip(result.t2f, turned[:, BEYOND].T, strict=True):
+        middle = np.take_along_axis(raw.triangles, 3 + OPPOSITE[corner][:, None], axis=1)[:, 0]
+        middles[:, facets] = raw.points[middle].T
+    result.doflocs = np.hstack([places, middles])
     keys = np.sort(result.facets.astype(np.int64), axis=0)
     numbers = keys[0] * len(corners) + keys[1]
     order = np.argsort(numbers)
@@ -141,10 +165,6 @@ def assemble(raw: Raw) -> MeshTri2:
         low, high = np.sort(vertex[ends], axis=1).T
         return np.asarray(order[np.searchsorted(numbers, low * len(corners) + high, sorter=order)])
 
-    middles = np.empty((2, keys.shape[1]))
-    for local, ends in enumerate(EDGES):
-        middles[:, facet_of(raw.triangles[:, ends])] = raw.points[raw.triangles[:, 3 + local]].T
-    result.doflocs = np.hstack([places, middles])
     boundaries |= {name: np.unique(facet_of(ends)) for name, ends in raw.edges.items()}
     return result
 
@@ -208,7 +228,7 @@ def check_unfolded(model: Model, result: MeshTri2) -> None:
     bent = sagitta > STRAIGHT * np.linalg.norm(end - start, axis=0)
     curved = np.flatnonzero(np.any(bent[result.t2f], axis=0))
     points = np.vstack([space.quadrature(8)[0], nodes(2)])
-    determinant = np.linalg.det(space.jet(curved, points).jacobian)
+    determinant = space.determinant(curved, points)
     folded = curved[np.any(determinant * np.sign(determinant[:, :1]) <= 0, axis=1)]
     if len(folded):
         x, y = space.location[space.dofs[folded[0], 0]]

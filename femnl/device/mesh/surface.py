@@ -90,7 +90,7 @@ def _loop(segments: tuple[Segment, ...], unit: float, kernel: Any) -> list[int]:
     points: dict[tuple[float, float], int] = {}
 
     def point(xy: Array | tuple[float, float]) -> int:
-        x, y = np.round(np.asarray(xy) * unit, 9)
+        x, y = (round(float(value) * unit, 9) for value in xy)
         if (x, y) not in points:
             points[x, y] = kernel.addPoint(x, y, 0)
         return points[x, y]

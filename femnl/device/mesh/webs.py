@@ -115,7 +115,7 @@ def pieces_of(model: Model, longest: float) -> Pieces:
     outline = model.edge_outline
     lines = [] if outline.kind == CELL else [curves.polyline(outline, PER_TURN)]
     lines += [centre + circle for centre in model.holes.centres]
-    lines += [curves.polyline(opening, PER_TURN) for opening in model.openings]
+    lines += curves.polylines(model.openings, PER_TURN)
     starts = np.concatenate([line[:-1] for line in lines])
     ends = np.concatenate([line[1:] for line in lines])
     loop = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])
