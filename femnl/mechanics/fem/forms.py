@@ -94,6 +94,21 @@ def stretch(first: Array, second: Array) -> Array:
     return np.stack([first[..., 0] * second[..., 0], first[..., 1] * second[..., 1], xy], -1) / 2
 
 
+def strain_rows(jet: Jet, grad: Array) -> Array:
+    """Return ε(u) + sym(∇w₀⊗∇w) of unknowns (u_x, u_y, w), rows (xx, yy, 2xy).
+
+    Args: grad (e, q, 2): ∇w₀.
+    """
+    dx = jet.gradient[:, :, 0]
+    dy = jet.gradient[:, :, 1]
+    wx = grad[..., :1]
+    wy = grad[..., 1:]
+    return np.concatenate(
+        [in_plane_strain(jet), np.stack([wx * dx, wy * dy, wx * dy + wy * dx], axis=2)],
+        axis=-1,
+    )
+
+
 def as_matrix(stress: Array) -> Array:
     """Return a symmetric tensor (xx, yy, xy) in the last axis as a matrix (..., 2, 2)."""
     return np.stack([stress[..., [0, 2]], stress[..., [2, 1]]], -2)

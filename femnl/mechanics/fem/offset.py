@@ -37,6 +37,11 @@ def covers_evenly(model: Model) -> bool:
     return bool(model.layers) and even and not any(lamina.rims for lamina in model.layers)
 
 
+def layers_end_within(model: Model) -> bool:
+    """Whether a film that bends has a layer with a shape."""
+    return model.bending and any(lamina.rims for lamina in model.layers)
+
+
 def ends_free(model: Model) -> bool:
     """Whether the film may turn at some edge: one that is free, or held by springs that turn."""
     free = not all(segment.clamped for segment in model.outline.segments)
@@ -109,7 +114,8 @@ def say_what_bends(model: Model) -> None:
     if offset != 0:
         logging.getLogger("femnl").warning(
             "%s: the stresses of its layers bend the film at rest, by about %.2g nm, %.2g of its "
-            "thickness; modes are those of the flat film",
+            "thickness; modes are those of the flat film, and a bow by its layers (--bow layers) "
+            "has those of the bent one",
             model.name,
             abs(offset) * 1e9,
             abs(offset) / model.film.thickness,

@@ -3,7 +3,7 @@
 The suspended film, the layers on it, and the overhang of its frame where there is one.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +115,32 @@ class Sheet:
         if not self._laminae:
             return np.asarray(h[..., None, None] ** 3 / 12 * self.moduli(triangles))
         return np.asarray(np.sum(self.bending_parts(triangles, point), axis=0))
+
+    def bending_about_middle(self, triangles: Index | slice, point: Array) -> Array:
+        """Return D = Σ ∫ Cᵢ z² dz (e, q, 3, 3) [N m], z from the film's middle."""
+        return self._integrated(triangles, point, lambda h, z: h * z**2 + h**3 / 12)
+
+    def couple(self, triangles: Index | slice, point: Array) -> Array:
+        """Return B = Σ ∫ Cᵢ z dz (e, q, 3, 3) [N], z from the film's middle."""
+        return self._integrated(triangles, point, lambda h, z: h * z)
+
+    def moment(self, triangles: Index | slice, point: Array) -> Array:
+        """Return M₀ = Σ σᵢhᵢzᵢ of the layers' stresses before release, (e, q) [N]."""
+        stresses = [0.0, *(lamina.stress for lamina in self._laminae)]  # the film's middle is z = 0
+        plies = self._plies(triangles, point)
+        parts = [s * size * z for s, (size, z, _) in zip(stresses, plies, strict=True)]
+        return np.asarray(np.sum(parts, axis=0))
+
+    def _integrated(
+        self,
+        triangles: Index | slice,
+        point: Array,
+        weight: Callable[[Array, Array], Array],
+    ) -> Array:
+        """Return Σ Cᵢ w(hᵢ, zᵢ) (e, q, 3, 3), of thickness and height of film and layers."""
+        plies = self._plies(triangles, point)
+        parts = [weight(size, z)[..., None, None] * moduli for size, z, moduli in plies]
+        return np.asarray(np.sum(parts, axis=0))
 
     def bending_parts(self, triangles: Index | slice, point: Array) -> Array:
         """What film and layers (in their order) each give to `bending`, (1 + n, e, q, 3, 3) [N m].

@@ -35,10 +35,11 @@ class Operators:
     I + C ε(u)).
 
     Args: prestress: the relaxed stress. degree: polynomial degree of w, 2 to 4 (1 without bending).
+        about_middle: bend layers about the middle of the film, not about the neutral plane.
     Attributes: space; mass (size, size) on all unknowns.
     """
 
-    def __init__(self, prestress: Prestress, degree: int) -> None:
+    def __init__(self, prestress: Prestress, degree: int, about_middle: bool = False) -> None:
         domain = prestress.domain
         if domain.model.bending and degree < 2:
             raise ParameterError(
@@ -49,6 +50,8 @@ class Operators:
         self._domain = domain
         self._bends = domain.model.bending
         self._sheet = Sheet(domain)
+        sheet = self._sheet
+        self._bending = sheet.bending_about_middle if about_middle else sheet.bending
         self._prestress = prestress
         self._springs = deflection_springs(self.space, domain.model.clamp)
         stiffness = Assembly(self.space.size)
@@ -104,7 +107,7 @@ class Operators:
             dofs = self.space.dofs[cell.triangles]
             terms = [Term(slope(cell.jet), as_matrix(tension), cell.dx, dofs)]
             if self._bends:
-                moduli = self._sheet.bending(cell.triangles, cell.jet.point)
+                moduli = self._bending(cell.triangles, cell.jet.point)
                 terms.append(Term(curvature(cell.jet), moduli, cell.dx, dofs))
             yield terms
 
@@ -121,7 +124,7 @@ class Operators:
 
     def _slope_terms(self, facets: NDArray[np.int64], rotation: float = np.inf) -> Iterator[Term]:
         poisson = self._sheet.largest_poisson
-        return slope_terms(self.space, facets, self._sheet.bending, poisson, rotation)
+        return slope_terms(self.space, facets, self._bending, poisson, rotation)
 
     @staticmethod
     def _add(assembly: Assembly, terms: Iterator[Term]) -> None:

@@ -20,15 +20,18 @@ from femnl.mechanics.fem.forms import (
     local_vectors,
     quadrature_order,
     slope,
+    strain_rows,
     stretch,
     vector_dofs,
 )
 from femnl.mechanics.fem.interior_penalty import edge_moment
+from femnl.mechanics.fem.offset import covers_evenly, ends_free, own_moment
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.fem.supports import in_plane_springs, in_plane_supports
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.nonlinearity import film_membrane
+from femnl.mechanics.static_deflection.eccentric import Eccentricity
 
 Array = NDArray[np.float64]
 Parity = tuple[int, ...]
@@ -46,14 +49,18 @@ class Film:
     States are vectors (3·size,) of u_x, u_y and w at the unknowns of the modes' space. A state
     whose w is odd about a mirror is its own image there with w reversed; its in-plane part is even.
     So about a bow of parity b, a motion with w of parity p has u of parity b·p.
+
+    Args: eccentric: layers act where they lie, beside the film's middle, as `Eccentricity` says;
+        else K bends them about the neutral plane, as in the modes.
     """
 
-    def __init__(self, modes: Modes, edge: Edge) -> None:
+    def __init__(self, modes: Modes, edge: Edge, eccentric: bool = False) -> None:
         self.domain = modes.domain
         self.edge = edge
         self.space = Space(self.domain.mesh, modes.degree)
-        self._operators = Operators(modes.prestress, modes.degree)
+        self._operators = Operators(modes.prestress, modes.degree, about_middle=eccentric)
         self._membrane = film_membrane(modes, edge)
+        self._beside = Eccentricity(self.space, modes.prestress, edge) if eccentric else None
 
     @property
     def mass(self) -> csc_matrix:
@@ -78,7 +85,17 @@ class Film:
         return load
 
     @property
-    def moment(self) -> Array:
+    def of_layers(self) -> Array:
+        """The load of the stresses of layers, (size,) [N per unknown]."""
+        model = self.domain.model
+        if self._beside is not None:
+            return self._beside.load()
+        if covers_evenly(model) and model.bending and ends_free(model):
+            return own_moment(model) * self._moment
+        return np.zeros(self.space.size)
+
+    @property
+    def _moment(self) -> Array:
         """The load (size,) [m] of a moment by length of 1 N, the same everywhere in the film.
 
         ∫ Δv less what edges take up: it acts at edges that are free or whose springs let them turn.
@@ -123,7 +140,7 @@ class Film:
             dofs, w = self._unknowns(cell)
             moduli = self._membrane(cell)
             grad = np.einsum("eqxj,ej->eqx", slope(cell.jet), state[w])
-            rows = _strain_rows(cell, grad)
+            rows = strain_rows(cell.jet, grad)
             tangent.add(local_matrices(rows, moduli, cell.dx), dofs)
             if stressed:
                 strain = np.einsum(
@@ -134,8 +151,20 @@ class Film:
                 tangent.add(local_matrices(slope(cell.jet), as_matrix(stress), cell.dx), w)
         return force, tangent.matrix()
 
-    def second_order(self, state: Array, motions: Array) -> tuple[Array, Array]:
-        """Return what motions x (n, 3·size) cause at second order about a state.
+    def coupling(self, state: Array, parity: Parity) -> tuple[Array, csc_matrix]:
+        """Return the first and second derivative of what eccentric layers add to the energy.
+
+        The latter is that of motions of a parity about the state.
+        """
+        if self._beside is not None:
+            return self._beside.derivatives(state, parity)
+        size = 3 * self.space.size
+        return np.zeros(size), csc_matrix((size, size))
+
+    def second_order(
+        self, state: Array, motions: Array, parities: tuple[Parity, ...]
+    ) -> tuple[Array, Array]:
+        """Return what motions x (n, 3·size), of some parities, cause at second order about a state.
 
         With E₁(y) = ε(u_y) + sym(∇w₀⊗∇w_y) and E₂(x, y) = ½ sym(∇w_x⊗∇w_y): the load (3·size, n),
         by unknowns y, ∫ h C [E₁(y) : E₂(x, x) + 2 E₁(x) : E₂(x, y)], and ∫ h C E₂ : E₂ (n,), over
@@ -147,10 +176,10 @@ class Film:
             dofs, w = self._unknowns(cell)
             moduli = self._membrane(cell)
             half = slope(cell.jet)
-            rest = _strain_rows(cell, np.einsum("eqxj,ej->eqx", half, state[w]))
+            rest = strain_rows(cell.jet, np.einsum("eqxj,ej->eqx", half, state[w]))
             for k, motion in enumerate(motions):
                 grad = np.einsum("eqxj,ej->eqx", half, motion[w])
-                moved = _strain_rows(cell, grad)[..., -w.shape[1] :]
+                moved = strain_rows(cell.jet, grad)[..., -w.shape[1] :]
                 first = np.einsum("eqcj,ej->eqc", rest, motion[dofs])
                 second = stretch(grad, grad)
                 stress, own = (
@@ -159,6 +188,8 @@ class Film:
                 np.add.at(loads[:, k], dofs, local_vectors(rest, stress, cell.dx))
                 np.add.at(loads[:, k], w, local_vectors(moved, own, cell.dx))
                 energies[k] += np.einsum("eqc,eqc,eq->", second, stress, cell.dx)
+        if self._beside is not None:
+            loads += self._beside.second_order(motions, parities)
         return loads, energies
 
     def relax(self, deflection: Array, even: Parity) -> Array:
@@ -188,9 +219,11 @@ class Film:
         linear = self.linear(parity)
         for _ in range(STEPS):
             pull, tangent = self.stretching(state)
-            rest = columns.T @ (force - pull - linear @ state)
+            beside, coupled = self.coupling(state, parity)
+            rest = columns.T @ (force - pull - beside - linear @ state)
+            stiffness = columns.T @ (tangent + coupled + linear) @ columns
             try:
-                step = factorize(csc_matrix(columns.T @ (tangent + linear) @ columns))(rest)
+                step = factorize(csc_matrix(stiffness))(rest)
             except ConvergenceError as error:  # a step went so far that the film under it buckles
                 raise ConvergenceError(
                     f"the static deflection did not converge, as {error}; lower the load"
@@ -210,18 +243,3 @@ class Film:
         """Return all unknowns of a cell's triangles, and those of w."""
         w = self.space.dofs[cell.triangles] + 2 * self.space.size
         return np.concatenate([vector_dofs(self.space, cell.triangles), w], axis=1), w
-
-
-def _strain_rows(cell: Cell, grad: Array) -> Array:
-    """Return ε(u) + sym(∇w₀⊗∇w) of unknowns (u_x, u_y, w), rows (xx, yy, 2xy).
-
-    Args: grad (e, q, 2): ∇w₀.
-    """
-    dx = cell.jet.gradient[:, :, 0]
-    dy = cell.jet.gradient[:, :, 1]
-    wx = grad[..., :1]
-    wy = grad[..., 1:]
-    return np.concatenate(
-        [in_plane_strain(cell.jet), np.stack([wx * dx, wy * dy, wx * dy + wy * dx], axis=2)],
-        axis=-1,
-    )

@@ -1,10 +1,9 @@
-"""Which bows are modelled: slopes must stay small, |∇w| ≪ 1, and layers cover the film evenly."""
+"""Which bows are modelled: slopes must stay small, |∇w| ≪ 1, and layers lie on an even film."""
 
 import numpy as np
 
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.mechanics.fem.offset import covers_evenly
 
 SHALLOW = 0.1
 """Of the film's length, how deep a bow may be."""
@@ -71,10 +70,10 @@ def _refuse_layers_that_end(model: Model, pressure: float | None) -> None:
     """Refuse a rest that is not modelled, or that nothing bends."""
     if pressure is None and not model.layers:
         raise ParameterError("bow: give either its depth in m or a pressure in Pa")
-    if pressure is None and not covers_evenly(model):
+    if model.layers and (model.film.taper != 0 or any(model.film.gradient)):
         raise ParameterError(
-            f"{model.name}: [layers]: the rest of a film is solved where its layers cover it "
-            "evenly, without a shape; give the depth of a bow"
+            f"{model.name}: [film]: the rest of a film with layers is solved where the film is "
+            "even; leave taper and gradient out, or give the depth of a bow"
         )
     if pressure is None and not model.bending:
         raise ParameterError(

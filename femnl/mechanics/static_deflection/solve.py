@@ -12,7 +12,7 @@ from femnl.core.device import Edge
 from femnl.core.errors import ParameterError
 from femnl.core.memory import need_memory
 from femnl.core.modes import DEGENERATE, Modes
-from femnl.mechanics.fem.offset import covers_evenly, ends_free, own_moment
+from femnl.mechanics.fem.offset import layers_end_within
 from femnl.mechanics.fem.solvers import factorize, lowest_eigenpairs
 from femnl.mechanics.modes.shapes import largest_value
 from femnl.mechanics.nonlinearity import energy_remainder, respond
@@ -78,8 +78,11 @@ def solve_static_deflection(
     response of all modes at 0 and 2ω. A bow b in a mode's own shape, small, gives k + 3k₃b² (k +
     2k₃b² where not `stressed`) and k₂ = 3k₃b.
 
-    Layers that cover the film evenly bend it by their own stresses, from edges that are free or may
-    turn: the load M₀ ∮ ∂ₙv of `fem.offset.own_moment` goes with the pressure, or bends it alone.
+    Layers bend the film by their own stresses, alone or with a pressure. Those that cover it evenly
+    do so from edges that are free or may turn, by the load M₀ ∮ ∂ₙv of `fem.offset.own_moment`.
+    Where a layer has a shape, W also holds what `Eccentricity` says, by which the film bends about
+    its middle and stretches as it does: frequencies then differ from those of the flat film, which
+    bends about the neutral plane, even where it does not bend at rest.
 
     Args: depth: [m] of a bow in the shape of the mode `shape` (0 is the fundamental), held by
         whatever load that takes. pressure: [Pa] on an even film, pushing towards +w; instead of
@@ -93,7 +96,8 @@ def solve_static_deflection(
     without inertia.
     Source: expansion of von Kármán's energy; averaging as in Nayfeh & Mook, Nonlinear Oscillations
         (1979), section 4.1. Held against sine series and Newton's method by
-        tests/physics/test_bow.py and validation case `bowed_film`.
+        tests/physics/test_bow.py and validation case `bowed_film`, and with layers against
+        collocation by tests/physics/test_layers_at_rest.py and test_layers_that_end.py.
     """
     refuse_rest(modes.domain.model, depth, pressure)
     if pressure is not None and not stressed:
@@ -175,22 +179,23 @@ def _bend(
     shape: int,
     stressed: bool,
 ) -> _Numbers:
-    film = Film(modes, edge)
+    film = Film(modes, edge, eccentric=depth is None and layers_end_within(modes.domain.model))
     even = tuple(abs(p) for p in modes.parity[0])
     if depth is not None:
         parity = modes.parity[shape]
         rest = film.relax(depth * modes.shapes[shape], even)
     else:
         parity = even
-        rest = film.deflect((pressure or 0.0) * film.area + _of_layers(film), even)
+        rest = film.deflect((pressure or 0.0) * film.area + film.of_layers, even)
     _, tangent = film.stretching(rest, stressed)
-    square, motions = _bowed_modes(film, modes, parity, tangent)
+    square, motions = _bowed_modes(film, modes, parity, rest, tangent)
     w = motions[:, 2 * film.space.size :]
     copies = film.domain.copies
     mass = film.domain.copies * np.einsum("ni,ni->n", w, (film.mass @ w.T).T)
-    loads, energies = film.second_order(rest, motions)
+    loads, energies = film.second_order(rest, motions, modes.parity)
     own = np.array([p == parity for p in modes.parity])  # else the integral over the film vanishes
     k2 = copies * own * np.einsum("in,ni->n", loads, motions)
+    tangent = csc_matrix(tangent + film.coupling(rest, parity)[1])
     flat, still, moved = _responses(film, tangent, parity, loads, square)
     k = mass * square
     bent = rest[2 * film.space.size :]
@@ -202,15 +207,9 @@ def _bend(
     )
 
 
-def _of_layers(film: Film) -> Array | float:
-    """Load of the stresses of layers that cover the film evenly, (size,) [N per unknown]."""
-    model = film.domain.model
-    if not (covers_evenly(model) and model.bending and ends_free(model)):
-        return 0.0
-    return own_moment(model) * film.moment
-
-
-def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> tuple[Array, Array]:
+def _bowed_modes(
+    film: Film, modes: Modes, bow: Parity, rest: Array, tangent: csc_matrix
+) -> tuple[Array, Array]:
     """Return ω² (n,) of the deflected modes that follow from each flat one, and their motions.
 
     The motions (n, 3·size) have max|w| = 1.
@@ -225,7 +224,8 @@ def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> 
         if not members:
             continue
         columns = film.admissible(parity, bow)
-        stiffness = csc_matrix(columns.T @ (tangent + film.linear(parity)) @ columns)
+        beside = film.coupling(rest, parity)[1]
+        stiffness = csc_matrix(columns.T @ (tangent + beside + film.linear(parity)) @ columns)
         mass = csc_matrix(columns.T @ film.inertia @ columns)
         values, vectors = lowest_eigenpairs(stiffness, mass, len(members) + SPARE)
         found = (columns @ vectors).T
