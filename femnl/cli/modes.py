@@ -72,7 +72,7 @@ Bow = Annotated[
     str | None,
     typer.Option(
         help='A bow at rest: "100 nm" in the shape of mode 1, "10 Pa" of pressure, or layers, '
-        "by the stresses of layers that cover the film.",
+        "by the stresses of its layers.",
         show_default=False,
     ),
 ]
