@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from functools import partial
@@ -107,6 +108,12 @@ def diagnose_many(
         return _frame(tasks, checkpoint)
 
 
+def _usual_ending(folder: Path) -> str:
+    """Return the ending that most files of a folder have; that of measurement files if none."""
+    endings = Counter(file.suffix for file in folder.iterdir() if file.is_file())
+    return max(endings, key=endings.__getitem__, default=".nc")
+
+
 def _refuse(files: Sequence[Path], table: Path | None, workers: int) -> None:
     """Refuse what no row could come of, before hours are spent."""
     if not files:
@@ -115,7 +122,8 @@ def _refuse(files: Sequence[Path], table: Path | None, workers: int) -> None:
         raise ParameterError(f"workers: {workers} is none; give a whole number of at least 1")
     for file in files:
         if file.is_dir():
-            raise ParameterError(f"{file}: is a folder; name the files in it, such as {file}/*.nc")
+            like = f"{file}/*{_usual_ending(file)}"
+            raise ParameterError(f"{file}: is a folder; name the files in it, such as {like}")
     if table is None:
         return
     if table.suffix != ".csv":

@@ -296,7 +296,8 @@ def test_a_fault_of_femnl_and_a_full_memory_cost_their_own_row_alone(
     [
         (["--table", "out.csv"], "Missing argument 'FILE'"),
         (["a.nc", "b.nc"], "2 files given; add --table OUT.csv for a row of each, or name one"),
-        (["a.nc", "folder", "--table", "out.csv"], "folder: is a folder; name the files in it"),
+        (["a.nc", "folder", "--table", "out.csv"], "the files in it, such as folder/*.nc"),
+        (["a.nc", "records", "--table", "out.csv"], "the files in it, such as records/*.txt"),
         (["a.nc", "--table", "none/out.csv"], "none/out.csv: cannot write there"),
         (["a.nc", "--table", "out.txt"], "--table out.txt: expected a name that ends in .csv"),
         (["a.nc", "--table", "a.csv"], "a.csv: exists and is no table of diagnoses"),
@@ -317,6 +318,9 @@ def test_a_request_that_cannot_be_met_is_one_line_and_changes_nothing(
     words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "folder").mkdir()
+    (tmp_path / "records").mkdir()
+    for name in ("1.txt", "2.txt", "notes.csv"):
+        (tmp_path / "records" / name).touch()
     (tmp_path / "a.csv").write_text("p,Q\n1,2\n", encoding="utf-8")
     (tmp_path / "sweep.jsonl").write_text('{"femnl_sweep": 1}\n', encoding="utf-8")
     before = sorted(tmp_path.iterdir())
