@@ -229,7 +229,29 @@ class Graded:
             if set(c.names) <= sure and not c.stuck and self.each_counts(c)
         ]
         best = max(sets, key=lambda c: (len(c.names), self.share[c.names]), default=None)
-        return None if best is None or may_imitate(best) else best
+        return None if best is None or may_imitate(best) else self._simplest(best)
+
+    def _simplest(self, candidate: Candidate) -> Candidate:
+        """Return the cause that a single one contains, where it may do with an inexact equation.
+
+        A leak whose equation misses 10 % of it seems to slope, and a far resonance is one: what
+        their further parameters take up must be more than that.
+        """
+        effects = candidate.result.model.effects
+        if len(effects) != 1:
+            return candidate
+        kind = self.base.result.model.base_model.kind
+        imitated = effects[0].imitates.get(kind, {})
+        own = {spec.name for spec in effects[0].parameters}
+        simpler = []
+        for other in self.found[1:]:
+            (effect, *more) = other.result.model.effects
+            contained = imitated.get(effect.name) == 1 and {s.name for s in effect.parameters} < own
+            missed = (ACCURACIES * effect.accuracy) ** 2 * _excess(self.base)
+            gain = _excess(other) - _excess(candidate)
+            if contained and not more and not other.stuck and gain <= missed:
+                simpler.append(other)
+        return min(simpler, key=lambda c: c.result.chi2, default=candidate)
 
     def each_counts(self, candidate: Candidate) -> bool:
         """Whether every one of several causes takes up what inexact equations would not miss.

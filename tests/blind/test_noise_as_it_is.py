@@ -284,3 +284,12 @@ def test_a_strong_leak_at_two_places_does_not_turn_the_phase(tmp_path: Path) -> 
     make(draw, tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc", effects=[library()["crosstalk"]])
     assert (found.verdict, found.causes) == ("explained", ("crosstalk",))
+
+
+@pytest.mark.slow
+def test_a_leak_that_cables_colour_is_no_sloping_background(tmp_path: Path) -> None:
+    draw = Draw("response", ("crosstalk",), "inexact", "square-270um", 42903341)
+    make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert (found.verdict, found.causes) == ("explained in part", ("crosstalk",))
+    assert found.shares[0].share > 0.95
