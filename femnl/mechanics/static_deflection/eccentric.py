@@ -49,7 +49,7 @@ class _Place:
     dx: Array
     rest: Array
     couple: Array
-    mirror: int | None = None
+    mirror: int | None
 
 
 class Eccentricity:
@@ -153,7 +153,7 @@ class Eccentricity:
             raise ParameterError(
                 f"{model.name}: [layers]: a layer with a shape reaches an edge that may turn, and "
                 "the rest of such a film is not modelled; end the layer before the edge, leave its "
-                "shape out, or hold the edge with [clamp] rotation = inf"
+                "shape out, or leave [clamp] rotation out"
             )
 
     def _places(self) -> Iterator[_Place]:
