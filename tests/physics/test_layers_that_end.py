@@ -281,6 +281,7 @@ def test_wedges_and_the_whole_film_bend_alike() -> None:
     assert wedge.depth == pytest.approx(whole.depth, rel=2e-3)
     np.testing.assert_allclose(wedge.frequency, whole.frequency, rtol=2e-5)
     assert wedge.k2[0] == pytest.approx(whole.k2[0], rel=2e-3)
+    assert str(wedge.k2[1]) == "0.0"
     np.testing.assert_allclose(wedge.alpha, whole.alpha, rtol=2e-3)
 
 

@@ -194,7 +194,8 @@ def _bend(
     mass = film.domain.copies * np.einsum("ni,ni->n", w, (film.mass @ w.T).T)
     loads, energies = film.second_order(rest, motions, modes.parity)
     own = np.array([p == parity for p in modes.parity])  # else the integral over the film vanishes
-    k2 = copies * own * np.einsum("in,ni->n", loads, motions)
+    # 0 and not −0 where it vanishes
+    k2 = copies * own * np.einsum("in,ni->n", loads, motions) + 0.0
     tangent = csc_matrix(tangent + film.coupling(rest, parity)[1])
     flat, still, moved = _responses(film, tangent, parity, loads, square)
     k = mass * square
