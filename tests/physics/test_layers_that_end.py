@@ -37,7 +37,7 @@ AROUND = (
     'shape = {kind = "combined", parts = [{shape = {kind = "circle", diameter = "100 um"}}, '
     f'{{operation = "subtract", shape = {{kind = "circle", diameter = "{100 * PART} um"}}}}]}}\n'
 )
-OFF = 'shape = {kind = "rectangle", width = "60 um", height = "20 um"}\n'
+STRIP = 'shape = {kind = "rectangle", width = "60 um", height = "20 um"}\n'
 
 
 @dataclass(frozen=True)
@@ -272,7 +272,7 @@ def test_derivatives_of_the_energy_agree_with_each_other() -> None:
 def test_wedges_and_the_whole_film_bend_alike() -> None:
     """A square with a strip of metal across: modes of all parities about both mirrors."""
     stress = np.array([20 * RIGIDITY / RADIUS**2 / SIZE[0], -2e6])
-    model = laminate(SQUARE, stress, metal=OFF)
+    model = laminate(SQUARE, stress, metal=STRIP)
     found = [
         solve_static_deflection(solve_modes(model, 4, cache=False, symmetry=symmetry))
         for symmetry in ("full", "quarter")

@@ -6,7 +6,13 @@ from femnl.core.device import Film, Model
 from femnl.core.errors import ParameterError
 from femnl.core.geometry_text import film_values, with_values, without_layers
 from femnl.mechanics.fem.forms import plane_stress
-from femnl.mechanics.fem.offset import covers_evenly, ends_free, plies, tension_offset
+from femnl.mechanics.fem.offset import (
+    covers_evenly,
+    ends_free,
+    layers_end_within,
+    plies,
+    tension_offset,
+)
 
 
 def one_material(model: Model) -> Model:
@@ -33,7 +39,7 @@ def one_material(model: Model) -> Model:
 
 def keeps_layers(model: Model) -> bool:
     """Whether a spectrum is compared with the layers themselves, as one of them has a shape."""
-    return any(lamina.rims for lamina in model.layers)
+    return layers_end_within(model)
 
 
 def as_in_spectra(model: Model) -> Model:

@@ -34,12 +34,12 @@ def covers_evenly(model: Model) -> bool:
     """Whether a film has layers and is the same laminate everywhere."""
     film = model.film
     even = film.taper == 0 and not any(film.gradient)
-    return bool(model.layers) and even and not any(lamina.rims for lamina in model.layers)
+    return bool(model.layers) and even and not layers_end_within(model)
 
 
 def layers_end_within(model: Model) -> bool:
-    """Whether a film that bends has a layer with a shape."""
-    return model.bending and any(lamina.rims for lamina in model.layers)
+    """Whether a layer has a shape, so that it does not cover the whole film."""
+    return any(lamina.rims for lamina in model.layers)
 
 
 def ends_free(model: Model) -> bool:
@@ -71,8 +71,7 @@ def tension_offset(model: Model) -> float:
     rest with its tension in one plane, so that it bends by about e at the rims of its layers.
     Valid: an estimate, which neglects the stiffness of bending and how the stress relaxes.
     """
-    ends_within = any(lamina.rims for lamina in model.layers)
-    if not model.layers or not (ends_within or ends_free(model)):
+    if not model.layers or not (layers_end_within(model) or ends_free(model)):
         return 0.0
     all_plies = list(plies(model))
     tension = sum(ply.stress * ply.thickness for ply in all_plies)

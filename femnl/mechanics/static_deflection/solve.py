@@ -179,7 +179,9 @@ def _bend(
     shape: int,
     stressed: bool,
 ) -> _Numbers:
-    film = Film(modes, edge, eccentric=depth is None and layers_end_within(modes.domain.model))
+    model = modes.domain.model
+    eccentric = depth is None and model.bending and layers_end_within(model)
+    film = Film(modes, edge, eccentric)
     even = tuple(abs(p) for p in modes.parity[0])
     if depth is not None:
         parity = modes.parity[shape]
