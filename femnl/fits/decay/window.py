@@ -142,6 +142,9 @@ def _members(record: PowerRecord, fine: Segmentation, chosen: Segmentation) -> S
     if chosen.pieces is fine.pieces:
         members = _grown_after(_grown(chosen.decay, fine, -1, FLATTER), fine)
         floor = floor_after(fine.line, members, fine.pieces)
+        if floor:
+            # What falls slowly and lies far above the floor is signal, too
+            members += tuple(range(members[-1] + 1, floor[0]))
         chosen = Segmentation(fine.pieces, fine.line, members, floor, fine.recorded)
     return beating(record, chosen) or chosen
 

@@ -22,7 +22,9 @@ class Thresholds:
     errors: standard deviations of a piece that count as agreement. reproducible: an analyser
     repeats a reading no better than this [dB]; a smoother end of a record was drawn, not measured.
     alike: rates of two decays of one record agree within this factor. step: a piece is driven, or
-    another state, where it lies above the floor by this much [dB].
+    another state, where it lies above the floor by this much [dB]. fade: noise that is slower than
+    the points fades by a step for a shorter time than this part of what lies above it; in real
+    records for 0.2 of it, where a floor lasts 0.8 of it at least.
     """
 
     wander: float = 1.0
@@ -33,6 +35,7 @@ class Thresholds:
     reproducible: float = 0.003
     alike: float = 1.3
     step: float = 10.0
+    fade: float = 0.5
 
 
 THRESHOLDS = Thresholds()
@@ -194,7 +197,10 @@ def _grow(
 
 
 def floor_after(line: Line, members: Sequence[int], found: Sequence[Piece]) -> tuple[int, ...]:
-    """Return the pieces after members that neither rise above their end nor fall as fast."""
+    """Return the pieces after members that neither rise above their end nor fall as fast.
+
+    However slowly it falls, what lies far above the last of them for a while is signal.
+    """
     top = found[members[-1]].high
     floor = []
     for k in range(members[-1] + 1, len(found)):
@@ -202,7 +208,25 @@ def floor_after(line: Line, members: Sequence[int], found: Sequence[Piece]) -> t
         if max(piece.high, piece.low) > top or abs(piece.slope) > abs(line.slope):
             break
         floor.append(k)
-    return tuple(floor)
+    return tuple(floor[_above_last(floor, found) :])
+
+
+def _above_last(floor: Sequence[int], found: Sequence[Piece]) -> int:
+    """Return how many pieces come before others that lie a step below them, not briefly.
+
+    Noise that is slower than the points fades as deep, but only for a while.
+    """
+    if not floor:
+        return 0
+    most = found[floor[-1]].middle + THRESHOLDS.step
+    above = [n for n, k in enumerate(floor) if found[k].middle > most]
+    if not above:
+        return 0
+    count = above[-1] + 1
+    turn = found[floor[count]].begin
+    before = turn - found[floor[0]].begin
+    after = found[floor[-1]].end - turn
+    return count if after > THRESHOLDS.fade * before else 0
 
 
 def steeper_before(found: Segmentation) -> tuple[int, ...]:
