@@ -4,7 +4,7 @@ Every candidate has a discrepancy of unknown size, and so has each of its causes
 """
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import permutations
 
 import numpy as np
@@ -16,12 +16,9 @@ from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
 from femnl.diagnose.done_by import changed_by, effects_of
 from femnl.diagnose.rivals import may_imitate
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.diagnose.worker_pool import Job, Run
 
 NEEDLESS = float(np.log(THRESHOLDS.needless_odds))
 """Logarithm of the odds that decide whether further causes are needless, either way."""
-TOGETHER = 4
-"""Sets of causes that are weighed by one process at a time, as each is sent the discrepancy."""
 OF_FEW_SHAPES = frozenset({"decay", "trace"})
 """Kinds whose causes are smooth functions of one variable: time, or the number of a harmonic."""
 OF_ONE_RESONANCE = frozenset({"response"})
@@ -40,12 +37,10 @@ ACCURACIES = 2.0
 class Graded:
     """Fitted candidates, the base model first, with a discrepancy in each.
 
-    run: does what does not wait for each other. considered: names of the effects that were, or that
-    the device cannot have.
+    considered: names of the effects that were, or that the device cannot have.
     """
 
     found: list[Candidate]
-    run: Run
     considered: frozenset[str]
 
     @property
@@ -119,12 +114,8 @@ class Graded:
         possible = [c for c in self.found if c is self.base or not c.stuck]
         allowed = self.allowed
         odds = float(np.log(THRESHOLDS.odds_per_cause))
-        together = [possible[i : i + TOGETHER] for i in range(0, len(possible), TOGETHER)]
-        jobs = [
-            Job("weighing sets of causes", partial(_log_evidences, some, self.base, allowed))
-            for some in together
-        ]
-        evidence = np.concatenate(self.run(jobs))
+        # Not side by side: fits and discrepancy of a map would be sent, a tenth of a gigabyte
+        evidence = np.array([log_evidence(c, self.base, allowed) for c in possible])
         weights = evidence + odds * np.array([len(c.names) for c in possible])
         weights = _as_likely_as_richer(possible, weights)
         shares = np.exp(weights - weights.max())
@@ -316,7 +307,3 @@ def _does_the_same(one: Candidate, richer: Candidate) -> bool:
         return False
     apart = one.result.residuals - richer.result.residuals
     return bool(apart @ apart <= needless)
-
-
-def _log_evidences(some: list[Candidate], base: Candidate, allowed: Discrepancy) -> list[float]:
-    return [log_evidence(candidate, base, allowed) for candidate in some]

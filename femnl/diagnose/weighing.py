@@ -42,7 +42,7 @@ class Weighed:
     @cached_property
     def graded(self) -> Graded:
         """The same candidates where any equation may be inexact."""
-        return Graded(self.found, self.run, self.considered)
+        return Graded(self.found, self.considered)
 
     @cached_property
     def prior_share(self) -> dict[Names, float]:
