@@ -183,7 +183,10 @@ def test_a_damaged_tdms_file_is_refused_in_one_line_or_said_to_be_cut_off(
     with TdmsWriter(tmp_path / "log.tdms") as file:
         file.write_segment([ChannelObject("scan", "V", F)])
     whole = (tmp_path / "log.tdms").read_bytes()
-    (tmp_path / "log.toml").write_text(COLUMNS + 'frequency = "V"\nreal = "V"\nimag = "V"\n')
+    (tmp_path / "log.toml").write_text(
+        'kind = "trace"\n[columns]\ntime = { rate = "1 kHz" }\nvoltage = "V"\n[values]\n'
+        'drive_frequency = "1 Hz"\n'
+    )
     told = []
     for size in range(5, len(whole) - 1, 7):
         (tmp_path / "log.tdms").write_bytes(whole[:size])

@@ -86,7 +86,7 @@ CASES: dict[str, tuple[str, Make, str]] = {
         _csv("f,x,y\n1,2,3\n", None),
         "needs a TOML beside it that says what its columns are",
     ),
-    "empty": ("a.csv", _csv(""), "not a table"),
+    "empty": ("a.csv", _csv(""), "holds no table"),
     "missing column": (
         "a.csv",
         _csv("f,x\n1,2\n"),
@@ -95,7 +95,7 @@ CASES: dict[str, tuple[str, Make, str]] = {
     "word in a column": (
         "a.csv",
         _csv("f,x,y\n1,2,3\n2,oops,3\n"),
-        "columns.real (x): 'oops' is not a number",
+        "columns.real (x): row 2: 'oops' is not a number",
     ),
     "ragged": ("a.csv", _csv("f,x,y\n1,2,3\n1,2,3,4\n"), "not a table"),
     "same heading twice": (
@@ -103,7 +103,7 @@ CASES: dict[str, tuple[str, Make, str]] = {
         _csv("f,x,y,\n1,2,3,4\n", Spec(kind="response", columns={"frequency": "q"})),
         "no column 'q'",
     ),
-    "not text": ("a.csv", _bytes(b"\xff\xfe\x00f\x00,"), "not a table"),
+    "not text": ("a.csv", _bytes(b"\xff\xfe\x00f\x00,"), "not UTF-8 text; export it as UTF-8"),
     "wrong unit": (
         "a.csv",
         _csv(
@@ -139,16 +139,16 @@ CASES: dict[str, tuple[str, Make, str]] = {
     "no grid": (
         "a.csv",
         _csv(
-            "a,b\n" + "".join(f"{k + 0.01 * k * k},{k * 1.1}\n" for k in range(40)),
-            Spec(kind="map", columns={"x": "a", "y": "b", "real": "a", "imag": "b"}),
+            "a,b,c,d\n" + "".join(f"{k + 0.01 * k * k},{k * 1.1},1,2\n" for k in range(40)),
+            Spec(kind="map", columns={"x": "a", "y": "b", "real": "c", "imag": "d"}),
         ),
         'do not make a grid; give columns.x and columns.y a step such as round = "1 um"',
     ),
     "place twice": (
         "a.csv",
         _csv(
-            "a,b\n0,0\n0,1\n0,0\n",
-            Spec(kind="map", columns={"x": "a", "y": "b", "real": "a", "imag": "b"}),
+            "a,b,c,d\n0,0,1,2\n0,1,1,2\n0,0,1,2\n",
+            Spec(kind="map", columns={"x": "a", "y": "b", "real": "c", "imag": "d"}),
         ),
         "row 3 repeats the place x = 0, y = 0",
     ),

@@ -96,8 +96,17 @@ def test_times_that_rounding_made_equal_are_taken_as_evenly_spaced(tmp_path: Pat
     source.write_text(HEAD + HEADING + rounded)
     tree = import_file(source, tmp_path / "out.nc")
     time = tree["r"].to_dataset()["time"].values
-    np.testing.assert_allclose(time, 0.04 * np.arange(26), rtol=1e-12)
-    assert any("times repeat the one before" in line for line in tree.attrs["repairs"])
+    np.testing.assert_allclose(np.diff(time), time[1] - time[0])
+    np.testing.assert_allclose(time, 0.04 * np.arange(26), atol=0.005)
+    assert any("taken as an even clock" in line for line in tree.attrs["repairs"])
+
+
+def test_equal_times_of_no_even_clock_are_not_spread(tmp_path: Path) -> None:
+    source = tmp_path / "r.txt"
+    times = [0, 1, 1, *range(10, 60)]
+    source.write_text(HEAD + HEADING + "".join(f"{t}, {-30 - k}\n" for k, t in enumerate(times)))
+    with pytest.raises(MeasurementError, match="time"):
+        import_file(source, tmp_path / "out.nc")
 
 
 def test_what_a_head_does_not_know_is_left_out(tmp_path: Path) -> None:
@@ -143,4 +152,4 @@ def test_records_and_folders_are_fitted_without_being_imported(
     assert "2 decays" in captured.out
     assert "c.txt: power against frequency" in captured.err
     assert "d.txt: decay: the power falls nowhere" in captured.err
-    assert "e.txt: not a table" in captured.err
+    assert "e.txt: holds no table" in captured.err

@@ -57,9 +57,7 @@ def test_levels_become_amplitudes_and_are_refused_without_a_unit(
     with pytest.raises(MeasurementError, match="is negative; if it is a level"):
         imported(tmp_path, "s.csv", text, spec + 'magnitude = "P"\n')
     with pytest.raises(MeasurementError, match="the heading says decibel"):
-        imported(
-            tmp_path, "s.csv", "f,P (dBm)\n" + rows(F, -level), spec + 'magnitude = "P (dBm)"\n'
-        )
+        imported(tmp_path, "s.csv", "f,P (dB)\n" + rows(F, -level), spec + 'magnitude = "P (dB)"\n')
 
 
 @pytest.mark.parametrize("ways", [("up", "down"), (1, -1)])

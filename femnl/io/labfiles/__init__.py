@@ -13,12 +13,13 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
-from femnl.core.errors import MeasurementError
+from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.plugins import Defined, by_name, plug_ins
 from femnl.core.resources import need_file
 from femnl.io import measurement
 from femnl.io.labfiles.base import Format
 from femnl.io.labfiles.spec import Spec, read_spec
+from femnl.io.labfiles.stated_values import with_values
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,11 +56,23 @@ def import_file(
     where there is one).
     Returns: the tree as written; its attribute `repairs` tells what was assumed and changed.
     Raises: MeasurementError with file, what is wrong and the remedy; ParameterError for a plug-in
-    that defines no format.
+    that defines no format, and for a dest that does not end in .nc or is one of the sources.
     """
+    _refuse_dest(source, Path(dest))
     tree = read_lab_files(source, spec)
     measurement.write(tree, dest)
     return tree
+
+
+def _refuse_dest(source: str | Path | Sequence[str | Path], dest: Path) -> None:
+    """Refuse to write over what was measured, as where the name of the new file was forgotten."""
+    if dest.suffix != ".nc":
+        raise ParameterError(
+            f"{dest}: expected a name that ends in .nc; name the measurement file to write last"
+        )
+    sources = [source] if isinstance(source, str | Path) else source
+    if any(Path(one).resolve() == dest.resolve() for one in sources):
+        raise ParameterError(f"{dest}: is a source; give the measurement file another name")
 
 
 def is_lab_file(path: Path) -> bool:
@@ -72,7 +85,8 @@ def read_lab_files(
 ) -> xr.DataTree:
     """Read files of a lab as measurements, as `import_file` does, and write nothing."""
     files = _files(source)
-    found = {_recognise(path).name: _recognise(path) for path in files}
+    recognised = [_recognise(path) for path in files]
+    found = {one.name: one for one in recognised}
     if len(found) > 1:
         raise MeasurementError(
             f"{files[0].parent}: holds files of several formats ({', '.join(found)}); import one "
@@ -89,6 +103,7 @@ def read_lab_files(
             else Spec()
         )
     groups, notes = reader.read(files, spec)
+    groups = with_values(groups, spec, str(files[0]))
     attributes = {
         key: value
         for key, value in (("title", spec.title), ("sample", spec.sample))

@@ -37,7 +37,9 @@ follow below or beside the first.
 
 A trace over time, in zero span, is a `decay`, tuned to the centre frequency behind the resolution
 bandwidth; one over frequency is a `response` of magnitudes alone. The first trace is read, and of
-detectors that store two values a point the higher one, which is the last column.
+detectors that store two values a point the higher one, which is the last column. Volts over
+frequency are root mean square, so that amplitudes are √2 times as large unless the TOML says rms =
+false.
 Source: Keysight, "Spectrum Analyzer Mode User's & Programmer's Reference", Trace File Contents;
 Rohde & Schwarz, "FSW User Manual", 1173.9411.02, ASCII File Export Format. Siglent
 does not publish its form: it is that of exports in public repositories (T3SA3200, SSA3021X), none
@@ -56,7 +58,7 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io import measurement
-from femnl.io.labfiles.base import Format, Groups, head, sweeps_to_response, text_lines
+from femnl.io.labfiles.base import RMS, Format, Groups, head, sweeps_to_response, text_lines
 from femnl.io.labfiles.levels import is_level, magnitudes
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import quantity, to_si
@@ -160,10 +162,14 @@ def _response(path: Path, trace: Trace, spec: Spec) -> tuple[xr.Dataset, list[st
             f"{path}: its y axis is in {unit[:20]!r}; export it in dBm, dBV, dBmV, dBµV or V"
         )
     volts = magnitudes(level, unit, "trace", f"{path}: y axis")
+    told = []
+    if not is_level(unit) and spec.rms is not False:
+        volts = RMS * volts
+        told.append(f"{path}: amplitudes are √2 times the root mean square that analysers show")
     sweep = (frequency, volts.astype(np.complex128))
     dataset, notes = sweeps_to_response([sweep], {}, spec, str(path))
     alone = dataset.drop_vars("imag").rename({"real": "magnitude"})
-    return alone, [*notes, f"{path}: magnitudes alone; the phase is not known"]
+    return alone, [*notes, *told, f"{path}: magnitudes alone; the phase is not known"]
 
 
 def _trace(path: Path) -> Trace:
@@ -184,6 +190,8 @@ def _trace(path: Path) -> Trace:
             return Trace(entries, points)
         known = KEYS.get(key.lower())
         if known and cells and cells[0]:
+            if form is ROHDE:
+                cells[0] = cells[0].replace(",", ".")
             # A number with its unit, where it has one of its own
             entries.setdefault(known, " ".join(cells[:2]).strip())
     raise MeasurementError(f"{path}: no line {form.before} before the points; export it again")

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from femnl.core.errors import MeasurementError
 from femnl.io import measurement
 from femnl.io.labfiles.base import Format, Groups, head, text_lines
+from femnl.io.labfiles.levels import even_clock, refuse_times_that_go_back
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import quantity, to_si
 
@@ -138,23 +139,10 @@ def _rows(path: Path, lines: list[str], first: int, names: list[str]) -> Rows:
             f"{path}: line {len(lines)}: only {len(rows)} rows of data; export the record again"
         )
     found = np.array(rows)
-    _refuse_times_that_go_back(path, found[:, names.index("time")], numbers)
+    refuse_times_that_go_back(
+        found[:, names.index("time")], [f"{path}: line {number}" for number in numbers]
+    )
     return found
-
-
-def _refuse_times_that_go_back(path: Path, time: Rows, lines: Sequence[int]) -> None:
-    """Refuse times that rise and go back: two records in one file, or a damaged number.
-
-    Sorted, they would be one record that never was. Times that fall throughout are only reversed.
-    """
-    steps = np.diff(time)
-    back = np.flatnonzero(steps < 0)
-    if back.size and np.any(steps > 0):
-        row = int(back[0]) + 1
-        raise MeasurementError(
-            f"{path}: line {lines[row]}: the time goes back from {time[row - 1]:g} to "
-            f"{time[row]:g}; correct the line, or put each record into a file of its own"
-        )
 
 
 def _number(path: Path, line: int, column: int, cell: str) -> float:
@@ -188,20 +176,9 @@ def _dataset(
             f"{path}: columns {given}: a ring-down needs power [dB or dBm], magnitude [V], or "
             "real [V] and imag [V]; name one so"
         )
-    columns["time"] = _rising(path, columns["time"], notes)
+    columns["time"], rounded = even_clock(columns["time"], str(path))
+    notes += rounded
     return measurement.decay(**columns, attributes=attributes)
-
-
-def _rising(path: Path, time: Rows, notes: list[str]) -> Rows:
-    """Return times that rise, evenly spaced where rounding has made neighbours equal."""
-    steps = np.diff(time)
-    if np.all(steps > 0) or not np.all(steps >= 0) or time[-1] <= time[0]:
-        return time
-    notes.append(
-        f"{path}: {np.count_nonzero(steps == 0)} times repeat the one before, as rounding "
-        "makes them; taken as evenly spaced"
-    )
-    return np.linspace(time[0], time[-1], len(time))
 
 
 def _attributes(path: Path, lines: list[str], notes: list[str]) -> dict[str, str | float]:

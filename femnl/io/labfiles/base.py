@@ -179,8 +179,10 @@ def sweeps_to_response(
     frequency = np.full((len(sweeps), points), np.nan)
     volts = np.full((len(sweeps), points), np.nan * (1 + 1j))
     direction = np.zeros(len(sweeps))
+    unplaced = 0
     for row, (f, v) in enumerate(sweeps):
         known = np.isfinite(f)
+        unplaced += int(np.count_nonzero(~known))
         f = f[known]
         v = v[known]
         direction[row] = direction_of(f)
@@ -193,9 +195,12 @@ def sweeps_to_response(
     notes = [
         f"{where}: {len(sweeps)} sweeps, {ups} up and {downs} down, by the order of their points"
     ]
+    if unplaced:
+        notes.append(f"{where}: {unplaced} points without a frequency left out")
     given: Labels = dict.fromkeys(SWEEP_VALUES)
-    given |= {"direction": direction if np.all(direction) else None, **labels}
-    if given["direction"] is None:
+    by_order = direction if np.all(direction) else None
+    given |= {"direction": None if "direction" in spec.values else by_order, **labels}
+    if given["direction"] is None and "direction" not in spec.values:
         notes.append(
             f"{where}: {np.count_nonzero(direction == 0)} sweeps are neither up nor down, so "
             "direction is left out"

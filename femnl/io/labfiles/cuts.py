@@ -24,7 +24,7 @@ def contradicted(
     """Say where the order of the points is not that of the direction column, which is taken."""
     wrong = 0
     for piece in pieces:
-        wrong += direction_of(frequency[piece]) not in (0, int(stated[piece][0]))
+        wrong += direction_of(frequency[piece]) not in (0, stated[piece][0])
     if not wrong:
         return []
     return [f"{where}: {wrong} sweeps have their points in the other order than direction says"]

@@ -66,7 +66,11 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
                 encoding="utf-8-sig",
             )
             if spec.header:
-                _refuse_longer_head(path, spec, delimiter, frame.shape[1])
+                _refuse_odd_head(path, spec, delimiter, frame.shape[1])
+    except UnicodeDecodeError:
+        raise MeasurementError(f"{path}: not UTF-8 text; export it as UTF-8") from None
+    except pd.errors.EmptyDataError:
+        raise MeasurementError(f"{path}: holds no table; export it again") from None
     except (ValueError, csv.Error, pd.errors.ParserWarning) as error:
         raise MeasurementError(
             f"{path}: not a table ({' '.join(str(error).split())[:100]}); check delimiter, "
@@ -77,18 +81,27 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
         if spec.header
         else [str(number + 1) for number in range(frame.shape[1])]
     )
-    doubled = sorted(name for name, count in Counter(names).items() if count > 1)
-    if doubled:
+    if spec.header and all(_is_number(name) for name in names):
         raise MeasurementError(
-            f"{path}: heading {doubled[0]!r} stands over two columns; rename one"
+            f"{path}: its first line holds numbers and no headings; give header = false, and "
+            "columns by number"
         )
     return {name: frame.iloc[:, index].to_numpy() for index, name in enumerate(names)}
 
 
-def _refuse_longer_head(path: Path, spec: Spec, delimiter: str, named: int) -> None:
-    """Refuse a heading of more columns than its rows have, which would shift them.
+def _is_number(text: str) -> bool:
+    """Whether a heading is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
-    Blanks within headings of a table that blanks separate do so.
+
+def _refuse_odd_head(path: Path, spec: Spec, delimiter: str, named: int) -> None:
+    """Refuse a heading over two columns, and one of more columns than its rows have.
+
+    The latter would shift them. Blanks within headings of a table that blanks separate do so.
     """
     with path.open(encoding="utf-8-sig") as file:
         kept = (
@@ -105,6 +118,12 @@ def _refuse_longer_head(path: Path, spec: Spec, delimiter: str, named: int) -> N
     ]
     longest = max(len(row) for row in rows[1:])
     heads = len(rows[0]) - (rows[0][-1].strip() == "")
+    names = Counter(name.strip() for name in rows[0][:heads])
+    doubled = sorted(name for name, count in names.items() if count > 1)
+    if doubled:
+        raise MeasurementError(
+            f"{path}: heading {doubled[0]!r} stands over two columns; rename one"
+        )
     if heads > longest:
         raise MeasurementError(
             f"{path}: the heading names {heads} columns, but rows have {longest}; quote headings "

@@ -75,7 +75,10 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
 def _alike(one: Image, other: Image) -> bool:
     """Whether two images have the same pixels."""
     same = one.rows.shape == other.rows.shape and one.xy_unit == other.xy_unit
-    return same and np.allclose([one.size, one.corner], [other.size, other.corner], rtol=1e-6)
+    apart = 1e-6 * np.abs([one.size, other.size]).max()
+    return same and np.allclose(
+        [one.size, one.corner], [other.size, other.corner], rtol=0, atol=apart
+    )
 
 
 def _table(first: Image, rows: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[Any]]:

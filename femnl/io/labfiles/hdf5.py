@@ -38,7 +38,21 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
             f"{paths[0]}: needs a TOML beside it that says what its arrays are; start with kind "
             f"and [columns]; it holds {names}"
         )
-    return one_table(paths, spec, "HDF5 file", _table)
+    return one_table(paths, spec, "HDF5 file", _table, _units(paths[0]))
+
+
+def _units(path: Path) -> dict[str, str]:
+    """Return what the attribute `units` or `unit` says of arrays, by their path."""
+    found: dict[str, str] = {}
+
+    def collect(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        for key in ("unit", "units"):
+            if key in item.attrs and isinstance(item, h5py.Dataset):
+                found[name] = _text(item.attrs[key])
+
+    with open_hdf5(path) as file, whole(path):
+        file.visititems(collect)
+    return found
 
 
 def _table(path: Path) -> Table:

@@ -61,7 +61,10 @@ def sweep_of(fields: Mapping[str, NDArray[np.float64]], spec: Spec, where: str) 
 
 
 def _cells(path: Path) -> list[list[str]]:
-    lines = [line for line in text_lines(path) if line.strip() and not line.startswith("%")]
+    first, *others = text_lines(path)
+    # The heading itself may be written as a comment
+    lines = [first.lstrip("% ")]
+    lines += [line for line in others if line.strip() and not line.startswith("%")]
     mark = ";" if ";" in lines[0] else ","
     return [line.split(mark) for line in lines]
 

@@ -85,9 +85,11 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     where = str(paths[0])
     groups: Groups = {}
     notes: list[str] = []
+    devices = {name.partition("/")[0] for name in sweeps}
     for name, found in sweeps.items():
         demodulator = name.rpartition("/")[0].rpartition("/")[2]
-        key = spec.name if len(sweeps) == 1 else f"{spec.name}-demod{demodulator}"
+        device = f"-{name.partition('/')[0]}" if len(devices) > 1 else ""
+        key = spec.name if len(sweeps) == 1 else f"{spec.name}{device}-demod{demodulator}"
         groups[key], lines = sweeps_to_response(found, {}, spec, f"{where}: /{name}")
         notes += lines
     if sweeps and spec.rms is not False:

@@ -1,6 +1,6 @@
 """Columns that are no plain numbers: levels in decibel, words for directions, rounded clocks."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -85,6 +85,22 @@ def directions(values: NDArray[Any]) -> NDArray[Any]:
     if not all(word in WORDS for word in words):
         return values
     return np.array([WORDS[word] for word in words]).reshape(values.shape)
+
+
+def refuse_times_that_go_back(time: NDArray[np.float64], places: Sequence[str]) -> None:
+    """Refuse times that rise and go back: two records in one file, or a damaged number.
+
+    Sorted, they would be one record that never was. Times that fall throughout are only reversed.
+    Args: time (n,) [s]; places: what a message calls each of them.
+    """
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0)
+    if back.size and np.any(steps > 0):
+        row = int(back[0]) + 1
+        raise MeasurementError(
+            f"{places[row]}: the time goes back from {time[row - 1]:g} to "
+            f"{time[row]:g}; correct the line, or put each record into a file of its own"
+        )
 
 
 def even_clock(time: NDArray[np.float64], where: str) -> tuple[NDArray[np.float64], list[str]]:

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.levels import directions, magnitudes
+from femnl.io.labfiles.levels import directions, is_level, magnitudes
 from femnl.io.labfiles.spec import Column, Spec
 from femnl.io.measurement import KINDS, quantity, to_si
 from femnl.io.measurement.contract import Item
@@ -27,10 +28,13 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
     """
     if spec.kind is None:
         raise MeasurementError(
-            f"{where}: needs a TOML beside it that says what its columns are; start with kind "
+            f"{where}: the TOML names columns and no kind; give one of {', '.join(KINDS)}"
+            if spec.columns
+            else f"{where}: needs a TOML beside it that says what its columns are; start with kind "
             "and [columns]"
         )
     known = {**KINDS[spec.kind].datasets}
+    _refuse_doubled(spec, where)
     taken: Columns = {}
     length = max((values.shape[0] for values in table.values()), default=0)
     for name in spec.columns:
@@ -43,14 +47,11 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
             taken[name] = np.arange(length) / rate
             continue
         keys = column.column if isinstance(column.column, list) else [column.column]
-        for wanted in keys:
-            if str(wanted) not in table:
-                raise MeasurementError(
-                    f"{place}: no column {str(wanted)!r}; the file has "
-                    f"{', '.join(list(table)[:12])}"
-                )
+        found = [_named_so(wanted, table, place) for wanted in keys]
         key = ", ".join(str(wanted) for wanted in keys)
-        values = table[key] if len(keys) == 1 else np.stack([table[str(one)] for one in keys])
+        if len({values.shape for values in found}) > 1:
+            raise MeasurementError(f"{place}: columns {key} differ in length; save them alike")
+        values = found[0] if len(keys) == 1 else np.stack(found)
         si = COMPLEX.get(name, known[name].unit if name in known else "")
         if si is None or name == "sweep":
             taken[name] = np.asarray(values, dtype=object)
@@ -58,7 +59,9 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
         where_here = f"{place} ({key})"
         if name == "direction":
             values = directions(values)
-        if name == "magnitude":
+        if name == "power" and is_level(column.unit):
+            taken[name] = _numbers(values, si, si, where_here)
+        elif name == "magnitude":
             taken[name] = magnitudes(values, column.unit, key, where_here)
         else:
             unit = column.unit if column.unit is not None else si
@@ -69,6 +72,33 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
             step, _ = quantity(column.round, si, f"{place}.round")
             taken[name] = np.round(taken[name] / step) * step
     return taken
+
+
+def _named_so(wanted: str | int | None, table: Mapping[str, NDArray[Any]], place: str) -> Any:
+    """Return a column by its heading, however its µ is written, or by its number from 1."""
+    same = {normalize("NFKC", name): values for name, values in table.items()}
+    key = normalize("NFKC", str(wanted))
+    if key in same:
+        return same[key]
+    if isinstance(wanted, int) and 1 <= wanted <= len(table):
+        return list(table.values())[wanted - 1]
+    raise MeasurementError(
+        f"{place}: no column {str(wanted)!r}; the file has {', '.join(list(table)[:12])}"
+    )
+
+
+def _refuse_doubled(spec: Spec, where: str) -> None:
+    """Refuse two quantities that are one column."""
+    first: dict[str, str] = {}
+    for name in spec.columns:
+        key = str(spec.column(name).column)
+        if spec.column(name).column is None:
+            continue
+        if key in first:
+            raise MeasurementError(
+                f"{where}: columns.{name} and columns.{first[key]} are both {key!r}; correct one"
+            )
+        first[key] = name
 
 
 def _control(spec: Spec, name: str, place: str) -> Item:
@@ -124,14 +154,29 @@ def unread(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> list[st
 def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[Any]:
     if values.dtype.kind == "c":
         return to_si(values.real, unit, si, where) + 1j * to_si(values.imag, unit, si, where)
+    if not values.size:
+        return np.empty(values.shape)
     if values.dtype.kind not in "iuf":
-        bad = next((str(value) for value in values.ravel() if not _is_number(value)), "")
+        row, bad = next(
+            ((k, str(value)) for k, value in enumerate(values.ravel(), 1) if not _is_number(value)),
+            (0, ""),
+        )
+        if _with_comma(bad):
+            raise MeasurementError(
+                f'{where}: {bad[:30]!r} has a decimal comma; give decimal = "," in the TOML'
+            )
         raise MeasurementError(
-            f"{where}: {bad[:30]!r} is not a number; correct that row or mark it as NaN"
+            f"{where}: row {row}: {bad[:30]!r} is not a number; correct that row or mark it as NaN"
             if bad
-            else f"{where}: holds {values.dtype} and no numbers; save them as such"
+            else f"{where}: holds texts such as {str(values.flat[0])[:30]!r}; save numbers, with "
+            "the decimal mark that the TOML names"
         )
     return to_si(values, unit, si, where)
+
+
+def _with_comma(text: str) -> bool:
+    """Whether text is a number whose decimal mark is a comma."""
+    return text.count(",") == 1 and _is_number(text.replace(",", "."))
 
 
 def _is_number(value: object) -> bool:

@@ -17,7 +17,7 @@ from femnl.io.labfiles.base import (
     sweeps_to_response,
 )
 from femnl.io.labfiles.cuts import contradicted, cuts_of, lasts
-from femnl.io.labfiles.levels import even_clock, is_level
+from femnl.io.labfiles.levels import even_clock, is_level, refuse_times_that_go_back
 from femnl.io.labfiles.named_columns import COMPLEX, Columns
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import KINDS, coherent
@@ -41,9 +41,9 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     """
     columns = dict(columns)
     refuse_lengths(columns, where)
+    _refuse_unused(spec, columns, where)
     if spec.kind == "decay":
         return _decay(spec, columns, where), []
-    _refuse_unused(spec, columns, where)
     _complex(spec, columns, where)
     if any(values.ndim > 1 for values in columns.values()) or spec.kind in ("spectrum", "series"):
         return _direct(spec, columns, where), []
@@ -60,10 +60,14 @@ def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:
         "response": ("frequency", "time", "duration", "sweep", *PARTS, *_PER_SWEEP, *_BESIDE),
         "map": ("x", "y", "harmonic", *PARTS),
         "trace": ("time", "voltage", "drive_voltage", "drive_frequency"),
+        "decay": ("time", "power", *PARTS),
     }.get(str(spec.kind))
-    if used is None or any(values.ndim > 1 for values in columns.values()):
+    if used is None:
         return
     own = _own_units(spec)
+    if any(values.ndim > 1 for values in columns.values()):
+        used = (*KINDS[str(spec.kind)].datasets, *PARTS)
+        own = {}
     for name in columns:
         if name not in used and name not in own:
             raise MeasurementError(
@@ -85,10 +89,6 @@ def _complex(spec: Spec, columns: Columns, where: str) -> None:
         values = columns.pop("amplitude")
     elif "magnitude" in columns:
         _need(columns, ("phase",), where)
-        if "phase" not in columns:
-            raise MeasurementError(
-                f"{where}: columns has magnitude but no phase; add it, or use real and imag"
-            )
         values = columns.pop("magnitude") * np.exp(1j * columns.pop("phase"))
     elif "real" in columns and "imag" in columns:
         values = columns["real"] + 1j * columns["imag"]
@@ -154,6 +154,11 @@ def _need(columns: Columns, names: tuple[str, ...], where: str) -> None:
 def _decay(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     """Put a time and a power, a magnitude or an amplitude together."""
     _need(columns, ("time",), where)
+    refuse_times_that_go_back(
+        columns["time"], [f"{where}: row {row + 1}" for row in range(len(columns["time"]))]
+    )
+    if "phase" in columns and "real" in columns:
+        raise MeasurementError(f"{where}: columns.phase stands beside real; leave one out")
     if "amplitude" in columns or "phase" in columns:
         _complex(spec, columns, where)
     scalars = scalar_values(spec, _OF_A_DECAY, where)

@@ -1,7 +1,7 @@
-"""Measurement files of LabVIEW in binary form (.tdms): channels by "group/channel".
+"""Measurement files of LabVIEW in binary form (.tdms): channels by their name.
 
-The path may be the channel's name alone where only one group has it. A waveform has its times as
-well, as "group/channel time", from its own start and increment.
+Where several groups have a channel of one name, it is "group/channel". A waveform has its times as
+well, as "channel time" or "group/channel time", from its own start and increment.
 Source: NI, "TDMS File Format Internal Structure"; read by npTDMS.
 """
 

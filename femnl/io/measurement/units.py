@@ -23,6 +23,8 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)\s*([
 LONGEST = 80
 """Letters of a quantity, and one more."""
 _DIMENSIONLESS = ("", "1", "dimensionless")
+_SPELT = {"Torr": "torr", "mTorr": "mtorr", "mBar": "mbar", "Bar": "bar"}
+"""How instruments and people write units that pint knows by other names."""
 _NAMED = ("V", "A", "T", "K", "m", "kg", "s", "N", "Pa", "J", "W", "C", "F", "ohm", "H", "Wb")
 
 
@@ -47,6 +49,8 @@ def _failures() -> tuple[type[Exception], ...]:
 def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float64]:
     """Convert `values` from `unit` to the SI unit `si` ("" means dimensionless).
 
+    A frequency in rad/s, deg/s or rpm is angular: f = ω/2π.
+
     Args: values (any shape) in `unit`; where: what the message names, such as "file: group:
     dataset".
     Returns: the values in `si`. Raises: MeasurementError for an unknown unit or one of another
@@ -57,6 +61,7 @@ def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float
     numbers = np.asarray(values, dtype=float)
     unit = "" if unit in _DIMENSIONLESS else unit
     si = "" if si in _DIMENSIONLESS else si
+    unit = _SPELT.get(unit, unit)
     if unit == si:
         return numbers
     if len(unit) > 40 or (unit and not _PRODUCT.fullmatch(unit)):
@@ -66,7 +71,8 @@ def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float
     from pint import DimensionalityError
 
     try:
-        return np.asarray(_registry().Quantity(numbers, unit).to(si).magnitude, dtype=float)
+        found = np.asarray(_registry().Quantity(numbers, unit).to(si).magnitude, dtype=float)
+        return found / (2 * np.pi) if si == "Hz" and _is_angular(unit) else found
     except DimensionalityError:
         raise MeasurementError(
             f"{where}: unit {unit!r} is not a unit of this quantity; give it in {si or '1'!r} or "
@@ -76,6 +82,20 @@ def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float
         raise MeasurementError(
             f"{where}: unit {unit!r} is unknown; give a unit such as {si or '1'!r}"
         ) from None
+
+
+def _is_angular(unit: str) -> bool:
+    """Whether a unit is one of angles per time, which pint takes for plain numbers."""
+    return "radian" in _registry().get_root_units(unit)[1]._units
+
+
+def is_unit_of(unit: str, si: str) -> bool:
+    """Whether text is a unit of what the SI unit `si` measures."""
+    try:
+        to_si(1.0, unit, si, "")
+    except MeasurementError:
+        return False
+    return True
 
 
 def coherent(unit: str, where: str) -> str:
@@ -139,6 +159,10 @@ def quantity(value: object, si: str, where: str) -> tuple[float, bool]:
     """
     if isinstance(value, str):
         match = _QUANTITY.fullmatch(value) if len(value) < LONGEST else None
+        if match is not None and (match[2] or "").startswith(","):
+            raise MeasurementError(
+                f"{where}: {value[:40]!r} has a decimal comma; write a point in its place"
+            )
         if match is None:
             raise MeasurementError(
                 f"{where}: {value[:40]!r} is not a quantity; give a number in {si or '1'!r}, or "
