@@ -13,7 +13,10 @@ from femnl.chip.schema import Table
 from femnl.core.errors import ParameterError, one_line
 from femnl.core.robust import MAD
 from femnl.core.toml import read_text
+from femnl.io.labfiles.stated_units import heading_unit
+from femnl.io.measurement import to_si
 from femnl.io.measurement.contract import LEAST, MOST
+from femnl.io.measurement.units import is_unit_of
 
 
 class Readings:
@@ -52,7 +55,7 @@ def median_of(readings: list[tuple[float, float]]) -> Number:
 
 
 def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
-    """Take the rows of a table that are of this chip."""
+    """Take the rows of a table that are of this chip, in SI units or those of its head."""
     try:
         reader = csv.DictReader(StringIO(read_text(path)))
         head = list(reader.fieldnames or [])
@@ -74,6 +77,7 @@ def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
             raise ParameterError(
                 one_line(f"{path}: no column {wanted!r}; it has {', '.join(head)[:200]}")
             )
+    hertz = _scale(columns.frequency, "Hz")
     for line, row in rows:
         # The reader fills short rows with None, and puts what is too much under None
         if None in row or None in row.values():
@@ -86,17 +90,24 @@ def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
         where = f"{path}, line {line}"
         readings = measured[name[len(table.chip) :]]
         mode = row.get(columns.mode) or "1"
-        number = _positive(row[columns.frequency], where, columns.frequency)
-        readings.frequency[mode].append((number, _error(row, columns.frequency_sd, where)))
+        number = hertz * _positive(row[columns.frequency], where, columns.frequency)
+        sd = _scale(columns.frequency_sd, "Hz") * _error(row, columns.frequency_sd, where)
+        readings.frequency[mode].append((number, sd))
         if row.get(columns.quality_factor):
             quality = _positive(row[columns.quality_factor], where, columns.quality_factor)
             readings.quality[mode].append((quality, _error(row, columns.quality_factor_sd, where)))
         readings.design = row.get(columns.design) or readings.design
         if row.get(columns.x) and row.get(columns.y):
             readings.place = (
-                finite(row[columns.x], where, columns.x),
-                finite(row[columns.y], where, columns.y),
+                _scale(columns.x, "m") * finite(row[columns.x], where, columns.x),
+                _scale(columns.y, "m") * finite(row[columns.y], where, columns.y),
             )
+
+
+def _scale(column: str, si: str) -> float:
+    """Return by what numbers of a column are multiplied: its head may state a unit."""
+    unit = heading_unit(column)
+    return float(to_si(1.0, unit, si, column)) if unit and is_unit_of(unit, si) else 1.0
 
 
 def finite(text: str, where: str, column: str) -> float:

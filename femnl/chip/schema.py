@@ -1,12 +1,14 @@
 """The study file of a chip: its keys."""
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from femnl.core.errors import ParameterError, one_line
+from femnl.core.errors import ParameterError, one_line, suggest
 from femnl.core.toml import read_toml
 
 
@@ -84,6 +86,25 @@ class StudyFile(Strict):
     device: list[Device] = []
 
 
+_TABLES: Mapping[str, type[Strict]] = MappingProxyType(
+    {
+        "": StudyFile,
+        "table": Table,
+        "table.columns": Columns,
+        "positions": Positions,
+        "device": Device,
+        "device.modes": Mode,
+    }
+)
+"""Tables of a study file, by the keys above theirs."""
+
+
+def _known(above: Sequence[str | int]) -> list[str]:
+    """Return the keys of a table, by the keys above them; those of [design.NAME] have any NAME."""
+    path = ".".join(part for part in above if isinstance(part, str))
+    return [*_TABLES.get(path, Design).model_fields]
+
+
 def parse(path: Path) -> StudyFile:
     """Read a study file without what it names."""
     try:
@@ -99,6 +120,9 @@ def parse(path: Path) -> StudyFile:
             raise ParameterError(
                 one_line(f"{path}: {key}: {first['input']} is no finite number")
             ) from None
+        if first["type"] == "extra_forbidden":
+            hint = suggest(str(first["loc"][-1]), _known(first["loc"][:-1]))
+            raise ParameterError(one_line(f"{path}: {key}: unknown key, {hint}")) from None
         raise ParameterError(one_line(f"{path}: {key}: {first['msg']}")) from None
     except ValueError as error:
         raise ParameterError(one_line(f"{path}: is no TOML ({error}); mend this line")) from None

@@ -90,9 +90,11 @@ def each_sweep(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcom
     """Fit every sweep on its own, and make a series of them."""
     from femnl.fits.response.each import fit_each_sweep
     from femnl.fits.response.fit import fit_response
+    from femnl.observe.response.sweeps import first_harmonics
     from femnl.plot.measurement import series_figure
 
     fits, found = fit_each_sweep(dataset, partial(fit_response, **asked.of_fit()))
+    kept, others = first_harmonics(dataset)
     controls = [str(key) for key in found.coords]
     rows = []
     for row, fit in enumerate(fits):
@@ -103,14 +105,15 @@ def each_sweep(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcom
             *with_error(frequency.value, frequency.sd),
             *with_error(quality.value, quality.sd),
         ]
-        rows.append([str(row + 1), *labels, *numbers, f"{fit.chi2_reduced:.3g}"])
+        rows.append([str(kept[row] + 1), *labels, *numbers, f"{fit.chi2_reduced:.3g}"])
     heads = [f"{key.replace('_', ' ')} ({found[key].attrs['units']})" for key in controls]
     columns = ["sweep", *heads, "f (Hz)", "±", "Q", "± ", "χ²/ν"]
     sweeps = [record(fit) | {"model": model_record(fit)} for fit in fits]
+    title = f"{name}: {len(fits)} sweeps, each fitted on its own"
     return {
         name: Outcome(
             {"sweeps": sweeps},
-            [table(f"{name}: {len(fits)} sweeps, each fitted on its own", columns, rows)],
+            [table(", ".join([title, *others]), columns, rows)],
             {"series": partial(series_figure, found)},
             {"series": found},
         )
@@ -120,10 +123,11 @@ def each_sweep(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcom
 def modes(name: str, dataset: xr.Dataset, count: int, fixed: Texts) -> dict[str, Outcome]:
     """Fit a number of linear modes to every sweep."""
     from femnl.fits.response.modes import UNITS, fit_modes
+    from femnl.observe.response.sweeps import first_harmonics
     from femnl.plot.response import response_figure
 
     outcomes = {}
-    for sweep in range(dataset.sizes["sweep"]):
+    for sweep in first_harmonics(dataset)[0]:
         own = name if dataset.sizes["sweep"] == 1 else f"{name}, sweep {sweep + 1}"
         found = fit_modes(dataset, count, sweep, in_si(fixed, UNITS.get))
         one = dataset.isel(sweep=[sweep])

@@ -76,6 +76,11 @@ def import_(
 
     if dest.suffix != ".toml":
         raise ParameterError(f"{dest}: expected a name that ends in .toml")
+    if dest.exists():
+        raise ParameterError(
+            f"{dest}: is there already, maybe with numbers of yours; give another name, or delete "
+            "it"
+        )
     need_room(dest)
     numbers = read_metal(metal) if metal is not None else None
     lender = load(find_geometry(like))

@@ -18,13 +18,15 @@ def _described(spec: Path | None) -> Path | None:
 Sources = Annotated[
     list[Path],
     typer.Argument(
-        help="Lab file(s): CSV, MATLAB .mat, LabOne HDF5 or CSV, Gwyddion .gsf, "
-        "ring-downs of a signal analyser.",
+        help="Lab file(s): tables (CSV, .txt), MATLAB .mat, HDF5, LabOne, LabVIEW (.lvm, .tdms), "
+        "NumPy .npy, .wav, Gwyddion, Nanonis, traces and ring-downs of signal analysers.",
         show_default=False,
         callback=there,
     ),
 ]
-Dest = Annotated[Path, typer.Argument(help="Measurement file (.nc) to write.", show_default=False)]
+Dest = Annotated[
+    Path, typer.Argument(help="Measurement file (.nc) to write, last.", show_default=False)
+]
 Spec = Annotated[
     Path | None,
     typer.Option(

@@ -7,8 +7,9 @@ import logging
 import re
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 
 LONGEST = 1000
 """Characters of a line for people; of a longer text, begin and end are shown."""
@@ -50,6 +51,12 @@ class MissingLibraryError(FemnlError):
 
 class ParameterError(FemnlError):
     """An argument of a command or function is outside what it can mean."""
+
+
+def suggest(word: str, known: Sequence[str]) -> str:
+    """Return a hint at the known word that was meant, or the list of all."""
+    close = get_close_matches(word, known, n=1)
+    return f"did you mean {close[0]}?" if close else f"expected one of {', '.join(known)}"
 
 
 def one_line(text: str) -> str:

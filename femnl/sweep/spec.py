@@ -10,11 +10,10 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from femnl.core.choices import Symmetry
-from femnl.core.errors import ParameterError, one_line
+from femnl.core.errors import ParameterError, one_line, suggest
 from femnl.core.memory import need_memory
 from femnl.core.toml import parse_toml, read_toml
 from femnl.device.geometry import load
-from femnl.device.geometry.tables import suggest
 from femnl.sweep.axes import Axis, Range, check_axis, locate, put, read_axis
 from femnl.sweep.point import KEPT, Point, Settings, Tables
 

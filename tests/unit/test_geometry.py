@@ -271,7 +271,8 @@ def test_a_geometry_that_does_not_exist_is_met_with_the_nearest_name(tmp_path: P
         load(tmp_path / "gone.toml")
     (tmp_path / "latin.toml").write_bytes('name = "µ"'.encode("latin-1"))
     with pytest.raises(
-        GeometryError, match=r"latin.toml: not text in UTF-8: invalid start byte at byte 8"
+        GeometryError,
+        match=r"latin.toml: not a geometry, a TOML file .invalid start byte at byte 8",
     ):
         load(tmp_path / "latin.toml")
 

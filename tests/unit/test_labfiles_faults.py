@@ -291,7 +291,7 @@ def test_a_faulty_lab_file_is_one_line_with_its_name_and_a_remedy(
             "kind = 'film': Input should be 'spectrum', 'response', 'map', 'trace', 'series' or "
             "'decay'",
         ),
-        ('kindd = "map"', "kindd = 'map': Extra inputs are not permitted"),
+        ('kindd = "map"', "kindd: unknown key, did you mean kind?"),
         ('name = "../../etc"', "name = '../../etc'"),
         ('[columns]\nx = { colum = "a" }', "columns.x"),
         ('[[files]]\nname = "a"\nharmonic = 0', "files.0.harmonic = '0'"),

@@ -93,3 +93,11 @@ def test_a_glitch_in_a_short_sweep_leaves_enough_to_fit(point: int) -> None:
     frequency, volts = resonances(4.0, 20)
     volts[3, 36 + point] += 0.01
     assert spikes(frequency[:, 36:44], volts[:, 36:44]) == []
+
+
+def test_spikes_at_either_end_of_sweeps_are_no_neighbours() -> None:
+    frequency, volts = resonances(8.0)
+    ends = [(1, 80), (2, 80), (5, 0)]
+    for sweep, point in ends:
+        volts[sweep, point] += 2e-3 * np.exp(0.7j)
+    assert spikes(frequency, volts) == ends

@@ -161,7 +161,7 @@ def read_text(path: Path) -> str:
         ) from error
     except UnicodeDecodeError as error:
         raise GeometryError(
-            one_line(f"{path}: not text in UTF-8: {error.reason} at byte {error.start}")
+            one_line(f"{path}: not a geometry, a TOML file ({error.reason} at byte {error.start})")
         ) from error
     return text
 

@@ -5,12 +5,11 @@ Strict types, no unknown keys, and errors in one line each.
 
 import json
 import re
-from difflib import get_close_matches
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from femnl.core.errors import one_line
+from femnl.core.errors import one_line, suggest
 from femnl.device.geometry.quantities import refusal
 
 EXAMPLES = {
@@ -99,12 +98,6 @@ class Table(BaseModel):
             if key not in cls.model_fields:
                 raise refusal(f"unknown key, {suggest(key, list(cls.model_fields))}", key)
         return data
-
-
-def suggest(word: str, known: list[str]) -> str:
-    """Return a hint at the known word that was meant, or the list of all."""
-    close = get_close_matches(word, known, n=1)
-    return f"did you mean {close[0]}?" if close else f"expected one of {', '.join(known)}"
 
 
 def complaint(error: ValidationError) -> str:

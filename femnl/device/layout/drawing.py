@@ -6,11 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.errors import ParameterError
+from femnl.core.errors import ParameterError, suggest
 from femnl.core.outline import Outline, Segment
 from femnl.device.geometry.naming import place
 from femnl.device.geometry.placing import placed
-from femnl.device.geometry.tables import suggest
 
 Array = NDArray[np.float64]
 Loop = tuple[Segment, ...]

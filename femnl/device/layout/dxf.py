@@ -10,13 +10,12 @@ import numpy as np
 from ezdxf import units
 from numpy.typing import NDArray
 
-from femnl.core.errors import GeometryError, one_line
+from femnl.core.errors import GeometryError, one_line, suggest
 from femnl.core.outline import Segment
 from femnl.device.geometry.corners import arc_through
 from femnl.device.geometry.quantities import LENGTH, to_si
 from femnl.device.geometry.shapes import ellipse
 from femnl.device.geometry.splines import arcs_along
-from femnl.device.geometry.tables import suggest
 from femnl.device.layout.chains import GRID, closed
 from femnl.device.layout.drawing import Drawing, Loop
 

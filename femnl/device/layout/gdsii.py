@@ -8,8 +8,7 @@ import gdstk
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.errors import GeometryError, one_line
-from femnl.device.geometry.tables import suggest
+from femnl.core.errors import GeometryError, one_line, suggest
 from femnl.device.layout.drawing import Drawing, Fault
 
 Array = NDArray[np.float64]

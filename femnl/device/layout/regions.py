@@ -66,7 +66,8 @@ def film_of(drawing: Drawing) -> Film:
         counts += found
         faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
     _refuse(faults)
-    film, inner = _film(regions)
+    film, inner, doubtful = _film(regions)
+    faults += doubtful
     posts = [region.outer for region in regions.get("posts", [])]
     metal = tuple(regions.get("metal", ()))
     return Film(film, (*inner, *posts), counts, tuple(faults), metal)
@@ -153,8 +154,11 @@ def _refuse(faults: list[Fault]) -> None:
         raise GeometryError(f"{fatal[0]}{more}; femnl geometry check marks them in a picture")
 
 
-def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed]]:
-    """The outer edge of what is suspended, and its free inner edges."""
+def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fault]]:
+    """The outer edge of what is suspended, its free inner edges, and holes that are none.
+
+    Where the whole film is suspended, a hole off it or over its edge is a slip of whoever drew it.
+    """
     release = regions.get("release", [])
     frame = regions.get("frame", [])
     held = not (release or frame)
@@ -171,12 +175,19 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed]]:
     inner += [replace(region.outer, clamped=False) for region in regions.get("holes", [])]
     edge = steps[0][1] if len(steps) == 1 else _only(combine(steps)).outer
     within, across = _sorted(edge, inner)
+    doubtful = []
+    if held:
+        kept = {id(one) for one in within}
+        cutting = {id(one) for one in across}
+        for one in (one for one in inner if id(one) not in kept):
+            what = "hole over the edge" if id(one) in cutting else "hole off the film, left out"
+            doubtful.append(Fault(what, one.there[0].start, False))
     if across:
         film = _only(combine([("add", edge), *(("subtract", p.there) for p in across)]))
         cut = [Placed(loop, ORIGIN, False) for loop in film.inner]
         edge = film.outer
         within = _sorted(edge, [*within, *cut])[0]
-    return edge, within
+    return edge, within, doubtful
 
 
 def _window(release: list[Drawn]) -> Placed:

@@ -14,6 +14,8 @@ from femnl.observe.decay.blocks import Blocks, Wander, read
 Array = NDArray[np.float64]
 BENDS = 9
 """Polynomials that are taken off: a cause bends a decay, and that is no noise."""
+FEWEST_BEAT_POINTS = 24
+"""Points of a decay that can show beats: bends and waves make up fewer of noise."""
 FEWEST_BEATS = 2.5
 FEW_BENDS = 4
 """Periods from which on beats are told from a bend, and polynomials that are taken for one."""
@@ -133,8 +135,11 @@ def _design(time: Array, values: Array) -> Array:
 def beats(time: Array, values: Array, least: float, fewest: float = FEWEST_BEATS) -> bool:
     """Whether values (n,) at times (n,) are a bend, and for the rest one period for the most part.
 
+    Never where the values are too few to tell.
     Args: least: rms of the rest from which on it counts; fewest: periods.
     """
+    if len(time) < FEWEST_BEAT_POINTS:
+        return False
     place = 2 * (time - time[0]) / np.ptp(time) - 1
     bend = np.polynomial.legendre.legvander(place, FEW_BENDS - 1)
     left = values - bend @ np.linalg.lstsq(bend, values, rcond=None)[0]

@@ -8,7 +8,7 @@ import numpy as np
 from femnl.fits.decay.leak import over_a_leak
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING
 from femnl.fits.decay.periods import at_cycles
-from femnl.fits.decay.readout import beats
+from femnl.fits.decay.readout import FEWEST_BEAT_POINTS, beats
 from femnl.fits.decay.stretch import Found, fit_stretch, stretch_of, wander
 from femnl.observe.decay.law import Term
 from femnl.observe.decay.phases import (
@@ -34,8 +34,6 @@ DEEP = (2.0, 4.0)
 """rms [dB] and periods of such beats; less may be noise whose tops look like a decay."""
 FEWEST_BEATS = 2.0
 """Periods from which beats are told from a bump."""
-FEWEST_BEAT_POINTS = 24
-"""Points of a decay in which beats can be seen."""
 Best = tuple[float, Segmentation, Found]
 """Evidence for the terms of a fit, its segmentation, and the fit."""
 

@@ -10,6 +10,7 @@ from femnl.core.kinds import CONTROLS
 from femnl.fits.response.fit import fit_response
 from femnl.fits.response.result import ResponseFit
 from femnl.io.measurement import controls, series, varies
+from femnl.observe.response.sweeps import first_harmonics
 
 
 def fit_each_sweep(
@@ -17,12 +18,15 @@ def fit_each_sweep(
 ) -> tuple[tuple[ResponseFit, ...], xr.Dataset]:
     """Fit every sweep of a `response` on its own, and gather the results in a `series`.
 
+    Sweeps of higher harmonics are left out.
+
     Args: dataset of kind `response`; fit: what fits one sweep, `fit_response` or a `partial` of it.
     Returns: one fit a sweep, in their order; Dataset of kind `series` with frequency and
     quality_factor and their standard deviations (NaN where a fit gives none), against those
     control variables (drive, time, temperature, …) that differ between the sweeps.
     Raises: MeasurementError for fewer than two sweeps, or where no control variable differs.
     """
+    dataset = dataset.isel(sweep=first_harmonics(dataset)[0])
     count = dataset.sizes["sweep"]
     if count < 2:
         raise MeasurementError(

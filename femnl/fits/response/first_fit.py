@@ -11,7 +11,7 @@ from femnl.core.readout import Array
 from femnl.fits.response.choice import first_look
 from femnl.fits.response.fit import first_layout, fit_response
 from femnl.fits.response.tried import ADEQUATE
-from femnl.observe.response.sweeps import collect
+from femnl.observe.response.sweeps import collect, first_harmonics
 
 FAR_BETTER = 4.0
 """Factor by which a background must lower χ² before it is taken to hide the resonance."""
@@ -171,12 +171,13 @@ def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) 
     has several positions, all sweeps at one drive stand for a single one.
 
     None where the fit to all drives may be right, where no sweep is sure that the mode stiffens, or
-    where no drive was measured at all positions.
+    where no drive is known that was measured at all positions.
 
     Args: fitted: to all drives. stiffness: the name of α in fits.
     """
-    if fitted.chi2_reduced < BENT or fitted[stiffness] > 0:
+    if fitted.chi2_reduced < BENT or fitted[stiffness] > 0 or "drive" not in dataset:
         return None
+    dataset = dataset.isel(sweep=first_harmonics(dataset)[0])
     drive = np.abs(dataset["drive"].values)
     levels = [dataset.isel(sweep=np.flatnonzero(drive == level)) for level in np.unique(drive)]
     places = collect(dataset).n_positions

@@ -149,14 +149,15 @@ def predict_response(fit: ResponseFit, dataset: xr.Dataset) -> xr.DataArray:
 
     NaN where nothing was fitted.
 
-    States are chosen as in the fit: by the data of each sweep. A missing y_max is taken as 1 V/V, a
-    missing phase as 0.
+    States are chosen as in the fit: by the data of each sweep. A missing y_max is taken as 1 V at
+    the strongest drive of the fit, a missing phase as 0.
     """
     whole = turned(collect(dataset), fit.phase_sign)
-    places = max(1, sum(name.startswith(("y_max[", "phase[")) for name in fit.parameters))
-    if whole.n_positions not in (places, places / 2):
+    indexed = [name for name in fit.parameters if name.startswith(("y_max[", "phase["))]
+    places = max(1, len({name.partition("[")[2] for name in indexed}))
+    if whole.n_positions != places:
         raise ParameterError(
-            f"dataset: {whole.n_positions} positions, but the fit has another number; give the "
+            f"dataset: {whole.n_positions} positions, but the fit has {places}; give the "
             "dataset that was fitted"
         )
     whole = replace(
@@ -232,8 +233,10 @@ def _uncertainty(
     if not best.variant.duffing and rival is not None and not free[2] and rival.limits.free[2]:
         tested = rival.misfit.jacobian(rival.theta, cautious=True)[:, rival.limits.free]
         size = np.ones(tested.shape[1])
-        bend = covariance(tested, [""] * tested.shape[1], size)[0][2, 2]
-        sd[2] = np.sqrt(bend) * errors.factor
+        # Columns are those of what is free: f₀ and w before it may be held
+        column = int(np.count_nonzero(rival.limits.free[:2]))
+        spread, _ = covariance(tested, [""] * tested.shape[1], size)
+        sd[2] = np.sqrt(spread[column, column]) * errors.factor
     return found, sd, blind
 
 

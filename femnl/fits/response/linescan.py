@@ -93,10 +93,16 @@ def fit_line_scan(
 def _mean(values: Array, sd: Array) -> tuple[float, float, float]:
     """Return the weighted mean of values (n,), its sd, and χ²/(n − 1) about it.
 
-    Values that were held have no sd, and neither has their mean.
+    Values that were held have the sd 0, and so has their mean. Those whose sd is withheld (NaN)
+    do not count; without any other, the mean has none, either.
     """
     if not sd.all():
         return float(values.mean()), 0.0, 0.0
+    known = np.isfinite(sd)
+    if not known.any():
+        return float(values.mean()), np.nan, np.nan
+    values = values[known]
+    sd = sd[known]
     weight = 1 / sd**2
     mean = float(np.sum(weight * values) / np.sum(weight))
     scatter = float(np.sum(weight * (values - mean) ** 2) / max(len(values) - 1, 1))

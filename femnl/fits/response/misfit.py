@@ -82,8 +82,12 @@ class Misfit:
                 jump = int(np.argmin(np.concatenate([[0.0], np.cumsum(gain)])))
                 better[span] = np.where(np.arange(len(gain)) < jump, first, last)
                 here = span.start + jump
-                if 0 < jump < len(gain) and np.any(
-                    both.x[0, here - 1 : here + 1] != both.x[1, here - 1 : here + 1]
+                around = slice(here - 1, here + 1)
+                # A jump between two readings at one frequency says nothing of where the fold lies
+                if (
+                    0 < jump < len(gain)
+                    and np.any(both.x[0, around] != both.x[1, around])
+                    and np.ptp(self.sweeps.frequency[around]) > 0
                 ):
                     jumps.append(Jump(here, top=(direction > 0) == stiffening))
         changed = bool(np.any((better != self.high) & (both.x[0] != both.x[1])))

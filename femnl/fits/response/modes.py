@@ -95,7 +95,7 @@ def fit_modes(
         raise MeasurementError("response: no mode was asked for; give at least one")
     if not held.free.all():
         return _held_fit(dataset, sweep, data, best, held)
-    return _result(dataset, sweep, data.notes, best)
+    return _result(dataset, data, best)
 
 
 def _names(count: int) -> list[str]:
@@ -201,8 +201,8 @@ def _qualities(x: Complex) -> dict[str, tuple[complex, str]]:
     return {f"quality_factor[{k}]": (complex(f / w), "") for k, (f, w, *_) in enumerate(rows, 1)}
 
 
-def _result(dataset: xr.Dataset, sweep: int, notes: tuple[str, ...], best: Cluster) -> ModesFit:
-    """Return the parameters by rising frequency, and the prediction at every point."""
+def _result(dataset: xr.Dataset, data: Sweeps, best: Cluster) -> ModesFit:
+    """Return the parameters by rising frequency, and the prediction at every measured point."""
     order = np.argsort(best.frequency)
     free = 4 * len(order) + 2 * len(best.background)
     reduced = best.chi2 / max(best.n_points - free, 1)
@@ -224,8 +224,9 @@ def _result(dataset: xr.Dataset, sweep: int, notes: tuple[str, ...], best: Clust
             variances.append(error**2)
     covariance = np.diag(variances)
     values = np.array([one.value for one in found.values()])
-    f = np.asarray(dataset["frequency"].values[sweep], float)
-    prediction = best.lines(f) + polynomials(f, best.window) @ best.background
+    f = data.frequency
+    prediction = np.full(dataset["frequency"].shape[1], np.nan + 0j)
+    prediction[data.column] = best.lines(f) + polynomials(f, best.window) @ best.background
     told = f"standard deviations are scaled by √(χ²/ν) = {factor:.3g}"
     fit = Fit(
         found | derived(_qualities, values, covariance),
@@ -233,6 +234,6 @@ def _result(dataset: xr.Dataset, sweep: int, notes: tuple[str, ...], best: Clust
         reduced,
         best.n_points,
         free,
-        (*notes, told),
+        (*data.notes, told),
     )
-    return ModesFit(fit, np.asarray(prediction))
+    return ModesFit(fit, prediction)

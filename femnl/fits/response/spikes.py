@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import binary_dilation
 
 from femnl.core.readout import Array
 from femnl.fits.outliers import MOST_GLITCHES
@@ -63,9 +64,7 @@ def _rare(spikes: Mask, usable: Mask) -> Mask:
 
     Not what is at about one point of several sweeps, nor what takes most of a sweep.
     """
-    near = np.zeros_like(spikes)
-    for step in (-1, 0, 1):
-        near |= np.roll(spikes, step, axis=1)
+    near = binary_dilation(spikes, np.ones((1, 3), dtype=bool))
     recurring = near.sum(axis=0) >= max(RECURRING * len(spikes), FEWEST_SWEEPS)
     rare = spikes & ~recurring
     left = (usable & ~rare).sum(axis=1)

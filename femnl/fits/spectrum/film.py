@@ -76,8 +76,8 @@ def fit_film(
     ]
     if not kept:
         raise MeasurementError(
-            "spectrum: none of its lines has a simulated mode; check the labels, or ask for "
-            "another --geometry"
+            "spectrum: none of its lines has a simulated mode; check the labels, of the "
+            "form m,n, or ask for another --geometry"
         )
     kept.sort(key=lambda pair: float(f[pair[0]]))
     lines, modes = (np.array(column, dtype=int) for column in zip(*kept, strict=True))

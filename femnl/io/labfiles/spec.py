@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from femnl.core.errors import MeasurementError
+from femnl.core.errors import MeasurementError, suggest
 from femnl.core.toml import read_toml
 
 
@@ -83,7 +83,11 @@ def read_spec(path: Path) -> Spec:
         ) from None
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
+        key = ".".join(str(part) for part in first["loc"] if part != "Column")
+        if first["type"] == "extra_forbidden":
+            known = [*(Column if key.startswith("columns.") else Spec).model_fields]
+            word = key.rpartition(".")[2]
+            raise MeasurementError(f"{path}: {key}: unknown key, {suggest(word, known)}") from None
         raise MeasurementError(
             f"{path}: {key} = {str(first['input'])[:40]!r}: {first['msg']}; correct it or "
             "leave it out"

@@ -1,8 +1,6 @@
 """The table [values] of a description: what a file does not hold."""
 
-from difflib import get_close_matches
-
-from femnl.core.errors import MeasurementError
+from femnl.core.errors import MeasurementError, suggest
 from femnl.io.labfiles.base import SWEEP_VALUES, Groups
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import KINDS, quantity
@@ -46,9 +44,7 @@ def _refuse_unknown(groups: Groups, spec: Spec, where: str) -> None:
     known = {name for kind in kinds for name in (*KINDS[kind].attributes, *_BESIDE.get(kind, ()))}
     for name in spec.values:
         if name not in known:
-            close = get_close_matches(name, known, n=1)
-            listed = f"they are {', '.join(sorted(known))}" if known else "leave it out"
+            remedy = suggest(name, sorted(known)) if known else "leave it out"
             raise MeasurementError(
-                f"{where}: values.{name} is none of a {' or '.join(sorted(kinds))}; "
-                f"{f'did you mean {close[0]}?' if close else listed}"
+                f"{where}: values.{name} is none of a {' or '.join(sorted(kinds))}; {remedy}"
             )

@@ -40,7 +40,10 @@ def need_version(path: Path) -> str:
             "femnl import"
         )
     if version.split(".")[0] != VERSION.split(".")[0]:
-        raise MeasurementError(f"{path}: {ROOT} is {version!r}; this femnl reads version {VERSION}")
+        raise MeasurementError(
+            f"{path}: {ROOT} is {version!r}; this femnl reads versions {VERSION.split('.')[0]}.0 "
+            f"to {VERSION}; update femnl, or write one of them"
+        )
     return version
 
 

@@ -104,7 +104,10 @@ def segment(time: Array, power: Array) -> Segmentation:
     """
     found = find_decay(time, power)
     if found is None:
-        raise MeasurementError("decay: the power falls nowhere, so that nothing rings down")
+        raise MeasurementError(
+            "decay: the power falls nowhere, so that nothing rings down; record from before the "
+            "switch-off on"
+        )
     return found
 
 
@@ -197,15 +200,19 @@ def _grow(
 
 
 def floor_after(line: Line, members: Sequence[int], found: Sequence[Piece]) -> tuple[int, ...]:
-    """Return the pieces after members that neither rise above their end nor fall as fast.
+    """Return the pieces after members that neither rise out of the decay nor fall as fast.
 
+    They rise out of it above the begin of its last piece, and a step above the end of that.
     However slowly it falls, what lies far above the last of them for a while is signal.
     """
-    top = found[members[-1]].high
+    last = found[members[-1]]
+    highest = min(last.high, last.low + THRESHOLDS.step)
     floor = []
     for k in range(members[-1] + 1, len(found)):
         piece = found[k]
-        if max(piece.high, piece.low) > top or abs(piece.slope) > abs(line.slope):
+        known = THRESHOLDS.errors * piece.spread / np.sqrt(piece.count)
+        rises = max(piece.high, piece.low) > highest + known
+        if rises or abs(piece.slope) > abs(line.slope):
             break
         floor.append(k)
     return tuple(floor[_above_last(floor, found) :])

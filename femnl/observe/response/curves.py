@@ -60,7 +60,7 @@ def described(sweeps: Sweeps, residuals: Array, resonance: float) -> str:
         for drive in np.unique(sweeps.drive)
     }
     worst = max(rms, key=lambda drive: rms[drive])
-    k = int(np.argmax(power))
+    k = int(np.argmax(np.where(sweeps.drive == worst, power, -1.0)))
     table = ", ".join(
         f"{engineering(drive * sweeps.reference, 'V')}: {value:.2f}σ"
         for drive, value in rms.items()

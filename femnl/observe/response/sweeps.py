@@ -116,7 +116,7 @@ def collect(dataset: xr.Dataset) -> Sweeps:
             "of kind 'response'"
         )
     noise, sentence = noise_sd(dataset)
-    kept, note = _first_harmonics(dataset)
+    kept, note = first_harmonics(dataset)
     notes = [sentence, *note]
     if "drive" not in dataset and dataset.sizes["sweep"] > 1:
         notes.append("drive is not in the file: all sweeps are taken to have the same")
@@ -162,7 +162,7 @@ def collect(dataset: xr.Dataset) -> Sweeps:
     )
 
 
-def _first_harmonics(dataset: xr.Dataset) -> tuple[Index, list[str]]:
+def first_harmonics(dataset: xr.Dataset) -> tuple[Index, list[str]]:
     """Return which sweeps are of the first harmonic, and a note where others are left out.
 
     Raises: MeasurementError where there is none.
