@@ -148,7 +148,9 @@ class Graded:
         part of what they do, and a further cause must be likelier than that beyond doubt. A cause
         that acts on one datum alone is never beyond doubt: anything may do that.
         """
-        fewer = [c for c in self.found if c.names and set(c.names) < set(best.names)]
+        fewer = [
+            c for c in self.found if c.names and not c.stuck and set(c.names) < set(best.names)
+        ]
         if not fewer:
             return []
         exact = self.allowed.none

@@ -1,12 +1,17 @@
 """How one set of causes stands against another, and against causes that nobody knows."""
 
 import numpy as np
+from scipy.special import logsumexp
 
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import CrossValidation
 
+PEAK = 8.0
+STEPS = 400
+SHORTEST = 1e-9
+"""Widths about the likeliest scatter, steps and the shortest of them, of a sum over ln s."""
 EVEN = float(np.log(THRESHOLDS.even_odds))
 """Logarithm of the odds up to which a set is no less likely than another."""
 CLEARLY = float(np.log(THRESHOLDS.clear_odds))
@@ -27,19 +32,21 @@ def scatter_evidence(base: Candidate) -> float:
 
     It is that of deviations at random, of unknown size and cause.
 
-    Residuals of s times their σ, s with a uniform prior in its logarithm: χ²/2 − (d/2)(ln χ²/d + 1)
-    over the base model.
+    Residuals of s times their σ, ln s uniform from 0 to that of the largest scatter: over the base
+    model it is the mean of s^{−d} exp(χ²/2 (1 − 1/s²)).
     """
     chi2 = base.result.chi2
     d = base.result.degrees
-    size = float(np.log(np.sqrt(np.pi / d) / np.log(THRESHOLDS.largest_scatter)))
-    return (
-        base.weight
-        + (chi2 - d) / 2
-        - d / 2 * float(np.log(chi2 / d))
-        + size
-        + 2 * float(np.log(THRESHOLDS.odds_per_cause))
-    )
+    largest = float(np.log(THRESHOLDS.largest_scatter))
+    # Narrow about s² = χ²/d where that is more than 1, and else at the end
+    peak = 0.5 * float(np.log(chi2 / d)) + np.linspace(-PEAK, PEAK, STEPS) / np.sqrt(2 * d)
+    grid = np.concatenate([[0.0], np.geomspace(SHORTEST, largest, STEPS), peak])
+    log_s = np.unique(np.clip(grid, 0.0, largest))
+    level = chi2 / 2 * -np.expm1(-2 * log_s) - d * log_s
+    steps = np.gradient(log_s)
+    steps[[0, -1]] /= 2
+    gain = float(logsumexp(level, b=steps / largest))
+    return base.weight + gain + 2 * float(np.log(THRESHOLDS.odds_per_cause))
 
 
 def free_form_evidence(base: Candidate) -> float:
@@ -114,5 +121,8 @@ def contradicted(best: Candidate, others: list[Candidate]) -> bool:
 
 
 def predicts_better(one: CrossValidation, other: CrossValidation) -> bool:
-    """Whether one prediction of held-out data is better, by χ² or by density."""
+    """Whether one prediction of held-out data is better, by χ² or by density.
+
+    Either way round where they disagree: it rules out only what is worse by both.
+    """
     return one.chi2_reduced < other.chi2_reduced or one.density > other.density

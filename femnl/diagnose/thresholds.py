@@ -151,8 +151,9 @@ class Thresholds:
     )
     least_share_each: float = _threshold(
         0.05,
-        "part of the held-out excess χ² that each of several causes must take up beside the others "
-        "to be named where they leave a significant remainder: less is within what equations miss",
+        "part of the excess χ² of all data that each of several causes must take up beside the "
+        "others to be named where they leave a significant remainder: less is within what equations "
+        "miss",
         _REALISTIC,
     )
     least_share_of_rest: float = _threshold(
