@@ -152,8 +152,8 @@ class Thresholds:
     least_share_each: float = _threshold(
         0.05,
         "part of the excess χ² of all data that each of several causes must take up beside the "
-        "others to be named where they leave a significant remainder: less is within what equations "
-        "miss",
+        "others to be named where they leave a significant remainder: less is within what "
+        "equations miss",
         _REALISTIC,
     )
     least_share_of_rest: float = _threshold(
