@@ -72,6 +72,16 @@ def study(folder: Path, text: str = STUDY, rows: str | None = None) -> Path:
     return path
 
 
+def test_a_head_with_a_unit_is_that_of_its_column(tmp_path: Path) -> None:
+    rows = "device,mode,frequency_kHz,x [mm],y [mm]\n"
+    rows += "".join(f"A-{k},1,{1000 + k},{k},0\n" for k in range(1, 7))
+    text = STUDY.partition("[positions]")[0]
+    text += '[table.columns]\nfrequency = "frequency_kHz"\nx = "x [mm]"\ny = "y [mm]"\n'
+    first = read_chip(study(tmp_path, text, rows)).members[0]
+    assert first.frequency["1"].value == pytest.approx(1.001e6)
+    assert first.place == pytest.approx((1e-3, 0))
+
+
 def test_a_table_of_a_chip_gives_its_gradient_per_metre(tmp_path: Path) -> None:
     fit = fit_chip(read_chip(study(tmp_path)))
     assert fit.frequency.fields["plane"] > 0.8

@@ -57,6 +57,26 @@ def test_a_layout_is_imported_exported_and_imported_again(
     assert one.replace("chip.gds", "back.oas") == two
 
 
+def test_an_import_writes_over_no_geometry(capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path("chip.gds"), *trampoline())
+    Path("mine.toml").write_text("# numbers of my own\n", encoding="utf-8")
+    assert run(["geometry", "import", "chip.gds", "mine.toml", *LAYERS]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert Path("mine.toml").read_text(encoding="utf-8") == "# numbers of my own\n"
+
+
+def test_holes_that_are_none_of_the_film_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    film = gdstk.rectangle((0, 0), (50, 50), layer=1)
+    holes = [gdstk.ellipse(at, 4, layer=2) for at in ((25, 25), (500, 25), (50, 10))]
+    write(Path("chip.gds"), film, *holes)
+    words = ["chip.gds", "one.toml", "--layers", "film=1/0,holes=2/0"]
+    assert run(["geometry", "import", *words]) == 0
+    told = capsys.readouterr().err
+    assert "doubtful: hole off the film, left out at (504, 25) um" in told
+    assert "doubtful: hole over the edge at (54, 10) um" in told
+    assert "1 holes" in told
+
+
 def test_check_draws_a_film_that_is_compressed_all_over(capsys: pytest.CaptureFixture[str]) -> None:
     layer = '[[layers]]\nname = "a"\nthickness = "1 um"\nyoung = "70 GPa"\npoisson = 0.34\n'
     layer += 'density = "3000 kg/m^3"\nstress = "-2 GPa"\n'

@@ -199,6 +199,11 @@ def _labone_csv(path: Path, mark: str = ";") -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
+def _with_commented_heading(path: Path) -> None:
+    _labone_csv(path)
+    path.write_text("% " + path.read_text())
+
+
 def _labone_hdf5(path: Path) -> None:
     """Write the same as LabOne's HDF5: /chunk/device/demods/n/sample/field."""
     with h5py.File(path, "w") as file:
@@ -217,8 +222,8 @@ def _labone_hdf5(path: Path) -> None:
 
 @pytest.mark.parametrize(
     "write",
-    [_labone_csv, _labone_hdf5, lambda path: _labone_csv(path, ",")],
-    ids=["csv", "hdf5", "comma"],
+    [_labone_csv, _labone_hdf5, lambda path: _labone_csv(path, ","), _with_commented_heading],
+    ids=["csv", "hdf5", "comma", "commented heading"],
 )
 def test_labone_sweeps_come_in_as_amplitudes_with_their_direction(
     write: Callable[[Path], None], tmp_path: Path
@@ -236,6 +241,18 @@ def test_labone_sweeps_come_in_as_amplitudes_with_their_direction(
     np.testing.assert_allclose(measurement.amplitude(sweeps).values[1, :16], V[1][5:], rtol=1e-12)
     assert np.isnan(sweeps["frequency"].values[1, 16:]).all()
     assert any("√2 times the root mean square" in line for line in tree.attrs["repairs"])
+
+
+def test_sweeps_of_two_devices_in_one_file_are_two_measurements(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "two.h5", "w") as file:
+        for device, size in (("dev1", 1.0), ("dev2", 3.0)):
+            sample = file.create_group(f"000/{device}/demods/0/sample")
+            for name, values in {"grid": F, "x": size * V[0].real, "y": size * V[0].imag}.items():
+                sample[name] = values
+    tree = import_file(tmp_path / "two.h5", tmp_path / "two.nc", Spec(rms=False))
+    assert [*tree.children] == ["measurement-dev1-demod0", "measurement-dev2-demod0"]
+    second = tree["measurement-dev2-demod0"].to_dataset()
+    np.testing.assert_allclose(measurement.amplitude(second).values[0], 3 * V[0])
 
 
 def test_samples_of_a_demodulator_as_text_become_a_response(tmp_path: Path) -> None:

@@ -72,6 +72,28 @@ def test_a_trace_over_frequency_is_a_response_of_magnitudes(maker: str, tmp_path
     assert "magnitudes alone" in told
 
 
+@pytest.mark.parametrize(("rms", "factor"), [("", np.sqrt(2)), ("rms = false\n", 1.0)])
+def test_volts_of_an_analyser_are_root_mean_square(rms: str, factor: float, tmp_path: Path) -> None:
+    text = ROHDE.format(centre="1000,5", span=20, x="Hz", count=len(F)).replace("dBm", "V")
+    body = "".join(f"{f:.6f};{v:.12f}\n" for f, v in zip(F, abs(V), strict=True))
+    path = tmp_path / "trace.csv"
+    path.write_text(text + body, encoding="utf-8")
+    (tmp_path / "trace.toml").write_text(rms)
+    data, told = imported(path)
+    np.testing.assert_allclose(data["magnitude"].values[0], factor * abs(V), rtol=1e-6)
+    assert ("root mean square" in told) == (not rms)
+
+
+def test_a_centre_with_a_decimal_comma_is_read(tmp_path: Path) -> None:
+    text = ROHDE.format(centre="1526617,9", span=0, x="s", count=len(T))
+    body = "".join(f"{t:.6f};{p:.6f}\n" for t, p in zip(T, LEVEL, strict=True))
+    (tmp_path / "trace.csv").write_text(text + body.replace(".", ","), encoding="utf-8")
+    (tmp_path / "trace.toml").write_text('[values]\npressure = "2 Pa"\n')
+    data, _ = imported(tmp_path / "trace.csv")
+    assert data.attrs["frequency"] == pytest.approx(1526617.9)
+    assert data.attrs["pressure"] == pytest.approx(2)
+
+
 @pytest.mark.parametrize("further", ["none", "below", "beside"])
 def test_the_first_of_siglents_traces_is_read(further: str, tmp_path: Path) -> None:
     frequency = np.linspace(1.49e6, 1.51e6, 21)

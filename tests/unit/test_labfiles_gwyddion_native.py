@@ -133,3 +133,11 @@ def test_a_file_that_is_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
         path.write_bytes(whole[:size])
         with pytest.raises(MeasurementError, match="cut off or damaged"):
             import_file(path, tmp_path / "a.nc", spec())
+
+
+def test_images_a_tenth_of_a_pixel_apart_are_not_alike(tmp_path: Path) -> None:
+    first = field(IMAGE, width=1e-7, yreal=1e-7)
+    shifted = field(IMAGE, width=1e-7, yreal=1e-7, xoff=1.009e-6)
+    path = file(tmp_path / "a.gwy", X=first, Y=shifted)
+    with pytest.raises(MeasurementError, match="image 'Y' does not lie where 'X' does"):
+        import_file(path, tmp_path / "a.nc", spec())

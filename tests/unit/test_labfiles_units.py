@@ -90,9 +90,10 @@ def test_units_beside_arrays_of_hdf5_are_theirs(tmp_path: Path) -> None:
             file[name].attrs["units"] = unit
     (tmp_path / "u.toml").write_text(SWEEP.format(f='"f"'))
     (group,) = import_file(tmp_path / "u.h5", tmp_path / "out.nc").children.values()
-    np.testing.assert_allclose(group["frequency"].values[0], 1e6 * HZ)
-    np.testing.assert_allclose(group["real"].values[0], 1e-3 * HZ)
-    np.testing.assert_allclose(group["imag"].values[0], HZ)
+    data = group.to_dataset()
+    np.testing.assert_allclose(data["frequency"].values[0], 1e6 * HZ)
+    np.testing.assert_allclose(data["real"].values[0], 1e-3 * HZ)
+    np.testing.assert_allclose(data["imag"].values[0], HZ)
 
 
 @pytest.mark.parametrize(
