@@ -24,6 +24,7 @@ from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.measure_next import measure_next
 from femnl.diagnose.shares import remainder, shares
+from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.verdict import SPEAKS_AGAINST, Judgement, judge
 from femnl.diagnose.worker_pool import Run
 from femnl.observe.model import Named
@@ -201,7 +202,7 @@ def _against(candidate: Candidate, found: list[Candidate], judged: Judgement) ->
     """Say what stands against a set; where nothing explains the data, something does."""
     result = candidate.result
     reasons = [f"{name} ends at a bound" for name in candidate.stuck]
-    if candidate.p_value < 1e-3:
+    if candidate.p_value < THRESHOLDS.chance_excluded:
         reasons.append(f"leaves a misfit ({candidate.worst})")
     if not candidate.names:
         return tuple(reasons)

@@ -29,7 +29,7 @@ NEEDLESS_SQUARE = 4.0
 """What a needless parameter takes up of χ² at most, but for one in twenty."""
 LONE = 0.95
 """Part of the squares of what a cause changes, in σ, that makes the datum it is in its only one."""
-ACCURACIES = 2.0
+WITHIN_ACCURACIES = 2.0
 """Of its accuracy, how much an equation may miss the data by: two standard deviations."""
 
 
@@ -96,7 +96,7 @@ class Graded:
         if self.base.result.model.base_model.kind not in OF_ONE_RESONANCE:
             return THRESHOLDS.least_share
         accuracy = max((effect.accuracy for effect in candidate.result.model.effects), default=0.0)
-        least = 1 - (ACCURACIES * accuracy) ** 2
+        least = 1 - (WITHIN_ACCURACIES * accuracy) ** 2
         return float(np.clip(least, THRESHOLDS.least_share, THRESHOLDS.least_share_of_alike))
 
     @property
@@ -240,7 +240,7 @@ class Graded:
         for other in self.found[1:]:
             (effect, *more) = other.result.model.effects
             contained = imitated.get(effect.name) == 1 and {s.name for s in effect.parameters} < own
-            missed = (ACCURACIES * effect.accuracy) ** 2 * _excess(self.base)
+            missed = (WITHIN_ACCURACIES * effect.accuracy) ** 2 * _excess(self.base)
             gain = _excess(other) - _excess(candidate)
             if contained and not more and not other.stuck and gain <= missed:
                 simpler.append(other)

@@ -27,7 +27,7 @@ from femnl.diagnose.other_valleys import sought_beyond
 from femnl.diagnose.search_rules import (
     falls_short,
     leaves_other_noise,
-    may_be_noisier,
+    may_leave_larger_noise,
     needs_global_search,
     outweighed,
     saturates,
@@ -239,7 +239,7 @@ def _kept(
     worth = [
         c
         for c in plain.values()
-        if c.p_value >= THRESHOLDS.chance_excluded / 10 or may_be_noisier(c)
+        if c.p_value >= THRESHOLDS.chance_excluded / 10 or may_leave_larger_noise(c)
     ]
     first = found[0].first_tests
     if len(worth) == 1 and not outweighed(worth[0], found):  # whose tests share the processes

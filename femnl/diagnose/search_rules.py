@@ -122,7 +122,7 @@ def settled(grown: dict[Names, Candidate]) -> bool:
     )
 
 
-def may_be_noisier(candidate: Candidate) -> bool:
+def may_leave_larger_noise(candidate: Candidate) -> bool:
     """Whether a single cause leaves no more than noise may be where no neighbours tell it."""
     tells = candidate.result.model.base_model.tells_noise
     return len(candidate.names) == 1 and not tells and candidate.factor <= THRESHOLDS.largest_factor

@@ -116,6 +116,11 @@ def test_units_beside_arrays_of_hdf5_are_theirs(tmp_path: Path) -> None:
             "values.noise_s is none of a response; did you mean noise_sd?",
         ),
         (
+            "f,X,Y,p\n1,2,3,4\n2,2,3,4\n",
+            SWEEP.format(f='"f"') + 'phase = "p"\n',
+            "columns.phase is that of a magnitude; leave it out",
+        ),
+        (
             "t,P,s\n0,-30,1\n1,-31,1\n",
             'kind = "decay"\n[columns]\ntime = "t"\npower = "P"\nsweep = "s"\n',
             "columns.sweep: a table of kind decay",

@@ -81,6 +81,8 @@ def _complex(spec: Spec, columns: Columns, where: str) -> None:
 
     Root mean square by amplitude; decibel are amplitudes already. Magnitudes alone stay.
     """
+    if "phase" in columns and "magnitude" not in columns:
+        raise MeasurementError(f"{where}: columns.phase is that of a magnitude; leave it out")
     if "magnitude" in columns and "phase" not in columns and spec.kind == "response":
         level = is_level(spec.column("magnitude").unit)
         columns["magnitude"] = columns["magnitude"] * (RMS if spec.rms and not level else 1.0)
@@ -157,8 +159,6 @@ def _decay(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     refuse_times_that_go_back(
         columns["time"], [f"{where}: row {row + 1}" for row in range(len(columns["time"]))]
     )
-    if "phase" in columns and "real" in columns:
-        raise MeasurementError(f"{where}: columns.phase stands beside real; leave one out")
     if "amplitude" in columns or "phase" in columns:
         _complex(spec, columns, where)
     scalars = scalar_values(spec, _OF_A_DECAY, where)

@@ -257,7 +257,8 @@ def steeper_after(found: Segmentation) -> tuple[int, ...]:
 def _run(found: Segmentation, step: int, *, steeper: bool) -> list[int]:
     """Return falling pieces that continue the decay, each bent the same way from the one before.
 
-    What interrupts them is skipped, as in a straight decay.
+    What interrupts them is skipped, as in a straight decay; a steeper run begins at the decay
+    itself, as beyond an interruption it may be another one.
     Args: step: −1 for those before the decay, +1 for those after it.
     """
     run: list[int] = []
