@@ -92,7 +92,7 @@ def diagnosed(own: list[Deviation], measured: Array, geometry: str, model: Hiera
     simulated = film.modes.frequency[order]
     found = simulated * np.exp([one.log_ratio for one in own])
     common, _ = model.scatter
-    labels = None if numbered else names
+    labels = [f"mode {name}" for name in names] if numbered else names
     sd = simulated * _apart(measured, model)
     group = measurement.spectrum(found, sd, labels).assign_attrs(
         wave_speed=film.speed, wave_speed_sd=film.speed * common

@@ -55,7 +55,7 @@ def clean(values: Values) -> Cleaned:
         model = hierarchy(values.without(out), unit)
         steps = [s for s in _steps(out, model) if len(s) <= most]
         best = max(steps, key=log_posterior, default=out)
-        if log_posterior(best) <= log_posterior(out):
+        if not log_posterior(best) > log_posterior(out):
             break
         out = best
     probabilities = {

@@ -96,7 +96,15 @@ def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
         if row.get(columns.quality_factor):
             quality = _positive(row[columns.quality_factor], where, columns.quality_factor)
             readings.quality[mode].append((quality, _error(row, columns.quality_factor_sd, where)))
-        readings.design = row.get(columns.design) or readings.design
+        design = row.get(columns.design) or readings.design
+        if readings.design and design != readings.design:
+            raise ParameterError(
+                one_line(
+                    f"{where}: device {name} is of the design {design!r} here, and of "
+                    f"{readings.design!r} above; give each device a name of its own"
+                )
+            )
+        readings.design = design
         if row.get(columns.x) and row.get(columns.y):
             readings.place = (
                 _scale(columns.x, "m") * finite(row[columns.x], where, columns.x),

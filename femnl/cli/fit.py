@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 Word = TypeVar("Word", bound=str)
 USES: tuple[Use, ...] = get_args(Use)
 LAWS: tuple[Law, ...] = get_args(Law)
+FRINGES = ("sine", "multilayer", "free")
+OF_ONE_MODE = ("use", "background", "linear", "nonlinear_damping")
+"""Options of a response that is one mode, and not several linear ones."""
 BACKGROUNDS: tuple[Background | Literal["auto"], ...] = ("auto", *get_args(Background))
 # What each option is for: a kind of measurement, or a meaning of one.
 APPLIES = {
@@ -206,7 +209,7 @@ def command(
         each_sweep=each_sweep_to is not None,
         law=_one_of("--law", law_name, LAWS),
         against=against,
-        fringe=fringe,
+        fringe=_one_of("--fringe", fringe, FRINGES),
         mode=check_mode(mode),
         geometry=geometry,
         n_harmonics=n_harmonics,
@@ -217,6 +220,8 @@ def command(
         raise ParameterError(
             "--each-sweep fits one mode a sweep, and --modes several; leave one of them out"
         )
+    if n_modes is not None:
+        _refuse_beside_modes(context)
     listed = files_of(files)
     if each_sweep_to is not None and len(listed) > 1:
         raise ParameterError(
@@ -282,21 +287,34 @@ def _one_of(option: str, text: str, words: tuple[Word, ...]) -> Word:
     raise ParameterError(f"{option} {text}: expected one of {', '.join(words)}")
 
 
-def _check_options(context: typer.Context, read_as: set[str]) -> None:
-    """Refuse an option that was given and has no effect on what is read."""
+def _given(context: typer.Context) -> list[tuple[str, str]]:
+    """Return the options that were given, as on the command line and by their names here."""
+    found = []
     for parameter in context.command.params:
         name = parameter.name or ""
-        given = context.get_parameter_source(name)
-        if (
-            name in APPLIES
-            and given is not None
-            and given.name == "COMMANDLINE"
-            and read_as.isdisjoint(APPLIES[name])
-        ):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            found.append((parameter.opts[0], name))
+    return found
+
+
+def _refuse_beside_modes(context: typer.Context) -> None:
+    """Refuse an option that fits of several linear modes do not have."""
+    for option, name in _given(context):
+        if name in OF_ONE_MODE:
+            raise ParameterError(
+                f"{option}: --modes fits linear modes with real and imag on a smooth "
+                "background; leave one of them out"
+            )
+
+
+def _check_options(context: typer.Context, read_as: set[str]) -> None:
+    """Refuse an option that was given and has no effect on what is read."""
+    for option, name in _given(context):
+        if name in APPLIES and read_as.isdisjoint(APPLIES[name]):
             kinds = " and ".join(sorted(read_as))
             raise ParameterError(
-                f"{parameter.opts[0]}: is for {' and '.join(APPLIES[name])}, and has no effect "
-                f"on {kinds}"
+                f"{option}: is for {' and '.join(APPLIES[name])}, and has no effect on {kinds}"
             )
 
 
@@ -314,7 +332,11 @@ def _write_series(results: dict[str, Outcome], path: Path) -> None:
     """Write the series that single sweeps make, one group a measurement."""
     from femnl.io import measurement
 
-    found = {name: result.spectra["series"] for name, result in results.items()}
+    found = {
+        name: result.spectra["series"]
+        for name, result in results.items()
+        if "series" in result.spectra
+    }
     measurement.write(measurement.bundle(found), path)
     note(f"wrote {path}")
 

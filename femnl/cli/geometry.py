@@ -41,6 +41,7 @@ Unit = Annotated[
     str | None,
     typer.Option(help="Unit of a DXF or SVG file that names none: um.", show_default=False),
 ]
+LIKE = "square-270um"
 Like = Annotated[
     str,
     typer.Option(help="Geometry that lends its film, readout, clamp and model."),
@@ -65,7 +66,7 @@ def import_(
     layers: Layers,
     cell: Cell = None,
     unit: Unit = None,
-    like: Like = "square-270um",
+    like: Like = LIKE,
     metal: Metal = None,
 ) -> None:
     """Turn a layout into a geometry file; arcs drawn as chords become arcs."""
@@ -115,7 +116,7 @@ def check(
     layers: LayersToCheck = None,
     cell: Cell = None,
     unit: Unit = None,
-    like: Like = "square-270um",
+    like: Like = LIKE,
     metal: Metal = None,
     out: Picture = None,
 ) -> None:
@@ -132,6 +133,11 @@ def check(
     suffix_of(picture, (".png", ".pdf", ".svg"))
     need_room(picture)
     if path.suffix.lower() not in SUFFIXES:
+        if (layers, cell, unit, like, metal) != (None, None, None, LIKE, None):
+            raise ParameterError(
+                f"{path}: --layers, --cell, --unit, --like and --metal are for layouts; leave them "
+                "out for a geometry"
+            )
         known = find_geometry(file)
         text = read_text(known)  # before figures and meshers load
         from femnl.cli._check import check_geometry

@@ -36,7 +36,10 @@ LARGEST_Z = 1000  # the amplitude is then 80 wavelengths, and no film moves so f
 Z = Annotated[float, typer.Option("--z", help="Modulation z = 4πU/λ at the antinode.")]
 Wavelength = Annotated[str, typer.Option(help='Of the laser, with its unit: "632.8 nm".')]
 Shown = Annotated[int, typer.Option(help="How many harmonics of the drive.", min=1, max=50)]
-Theta = Annotated[float, typer.Option(help="Working point θ of the sine fringe, in rad.")]
+Theta = Annotated[
+    float | None,
+    typer.Option(help="Working point θ of the sine fringe, in rad.", show_default="π/4"),
+]
 Readout = Annotated[
     str,
     typer.Option(
@@ -50,7 +53,9 @@ Noise = Annotated[
         show_default=False,
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Of that noise.", min=0, max=2**63)]
+Seed = Annotated[
+    int | None, typer.Option(help="Of that noise.", min=0, max=2**63, show_default="1")
+]
 Points = Annotated[int, typer.Option(help="Points along each axis of the map.", min=3, max=2001)]
 Out = Annotated[
     Path | None,
@@ -69,10 +74,10 @@ def command(
     wavelength: Wavelength = "632.8 nm",
     harmonics: Shown = 6,
     fringe: Readout = "sine",
-    theta: Theta = math.pi / 4,
+    theta: Theta = None,
     points: Points = 101,
     noise: Noise = None,
-    seed: Seed = 1,
+    seed: Seed = None,
     bending: Bending = None,
     out: Out = None,
     cache: Cache = True,
@@ -82,6 +87,14 @@ def command(
         raise ParameterError(
             f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218"
         )
+    if theta is not None and fringe == "multilayer":
+        raise ParameterError(
+            f"--theta {theta:g}: the gap of the stack is the working point; use --fringe sine"
+        )
+    if seed is not None and noise is None:
+        raise ParameterError(f"--seed {seed}: there is no noise to draw; give it with --noise")
+    theta = math.pi / 4 if theta is None else theta
+    seed = 1 if seed is None else seed
     if not -math.pi <= theta <= math.pi:
         raise ParameterError(
             f"--theta {theta:g}: expected an angle in rad from −π to π, such as 0.785"

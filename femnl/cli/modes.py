@@ -127,6 +127,16 @@ def command(
         need_room(out)
     wishes = _wishes(inertia, bow, dilution, quality, pressure)
     target = None if near is None else frequency_of(near)
+    if target is not None and bow is not None:
+        raise ParameterError(
+            "--bow: modes of a bent film follow from the lowest ones; leave out --near, and give "
+            "a --count that reaches them"
+        )
+    if homogenised and kind == ".vtu":
+        raise ParameterError(
+            f"{out}: the even film has no stress around holes to show; leave out --homogenised, "
+            "or write a .nc"
+        )
     if homogenised:
         meshed = (tolerance, tolerance_of, resolution, symmetry) != (None, None, 1.0, "auto")
         _refuse_for_an_even_film(meshed, wishes, target)

@@ -10,6 +10,7 @@ import typer
 from femnl.cli._device import Json
 from femnl.cli._output import console, note, print_json
 from femnl.core import resources
+from femnl.core.errors import ParameterError
 
 DATA = Path("..") / "shared" / "data"
 """Where published data that the repository does not hold are looked for: beside the repository."""
@@ -21,8 +22,11 @@ Published = Annotated[
     ),
 ]
 Data = Annotated[
-    Path,
-    typer.Option(help="With --published: folder of data that are published as files of their own."),
+    Path | None,
+    typer.Option(
+        help="With --published: folder of data that are published as files of their own.",
+        show_default=str(DATA),
+    ),
 ]
 Names = Annotated[
     list[str] | None,
@@ -31,15 +35,17 @@ Names = Annotated[
 
 
 def command(
-    names: Names = None, published: Published = False, data: Data = DATA, as_json: Json = False
+    names: Names = None, published: Published = False, data: Data = None, as_json: Json = False
 ) -> None:
     """Run the validation cases: femnl beside published and independent numbers.
 
     The status is 1 where one differs. Published measurements are told and not judged.
     """
     if published:
-        _published(names or [], data, as_json)
+        _published(names or [], data or DATA, as_json)
         return
+    if data is not None:
+        raise ParameterError(f"--data {data}: is for published measurements; add --published")
     from femnl import validation
 
     results = []

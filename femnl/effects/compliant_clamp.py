@@ -152,7 +152,7 @@ EFFECT = Effect(
     "w ∝ sin(kx + atan kδ); a stiff one that cannot turn at its ends, and bends least where "
     "the wave is least steep, so that short waves gain most in Q",
     limits="an edge alike all around, without mass, that moves and does not turn; its direction is "
-    "averaged over but on rectangles. Mode m shifts by ⅓ (mπ)² s/L³ against a wave so long that "
+    "averaged over but on rectangles. Mode m shifts by ⅔ (mπ)² s/L³ against a wave so long that "
     "L + 2δ is all it sees: δ = 12 nm, a ledge's, shows in no frequency, and a film of 270 µm "
     "takes δ above 1 µm to shift its modes up to m = 5 by parts in 10⁶",
     sentence="the edge gives way, so that low modes reach further into it than high ones",

@@ -13,7 +13,9 @@ def soften(points: Points, values: Values) -> Points:
     voltage = points.control["voltage"]
     # From 0 V on, where the frequency is what it is.
     square = voltage**2 - 2 * voltage * values["offset"]
-    return replace(points, frequency=points.frequency * np.sqrt(1 - values["softening"] * square))
+    # Pulled in, it vibrates no more
+    stiffness = np.maximum(1 - values["softening"] * square, 0.0)
+    return replace(points, frequency=points.frequency * np.sqrt(stiffness))
 
 
 EFFECT = Effect(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femnl.core.comparison import Comparison
 from femnl.core.effect import Effect, Kind, ParameterSpec, Stage, Values
 from femnl.core.readout import Array
-from femnl.observe.model import ManyResiduals, MeasurementModel, Named, Thinned
+from femnl.observe.model import KnownProduct, ManyResiduals, MeasurementModel, Named, Thinned
 from femnl.observe.residuals import Layout, apart
 
 
@@ -139,6 +139,10 @@ class NoisyModel(MeasurementModel):
         number = np.cumsum(self.kept) - 1
         at = number[thin.at[self.kept[thin.at]]]
         return Thinned(with_noise(thin.model, noise), at, thin.step)
+
+    def known_product(self, base: dict[str, float]) -> KnownProduct | None:
+        """Return that of the bare model."""
+        return self.bare.known_product(base)
 
     @property
     def varied(self) -> tuple[str, ...]:

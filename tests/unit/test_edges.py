@@ -256,7 +256,7 @@ def test_the_homogenised_film_refuses_what_it_does_not_know() -> None:
     ):
         with pytest.raises(
             ParameterError,
-            match="knows no overhang and no gradient of the thickness; solve the full film",
+            match="no gradient of the thickness and no taper; solve the full film",
         ):
             solve_homogenised(other, 1)
 

@@ -79,7 +79,7 @@ def _good(path: Path) -> None:
 REFUSED: dict[str, tuple[Damage, str]] = {
     "other version": (
         _attribute("/", "femnl_measurement", "2.0"),
-        "femnl_measurement is '2.0'; this femnl reads version 1.2",
+        "femnl_measurement is '2.0'; this femnl reads versions 1.0 to 1.2; update femnl",
     ),
     "no version": (
         lambda f: f.attrs.pop("femnl_measurement"),

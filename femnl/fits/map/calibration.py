@@ -76,7 +76,7 @@ def displacement(
     """
     points = flatten("", data, fringe)
     values = {name: parameter.value for name, parameter in fit.fit.parameters.items()}
-    largest = REACH * values["amplitude"]
+    largest = REACH * abs(values["amplitude"])
     trial = np.linspace(-largest, largest, 2 * int(np.ceil(points.wavenumber * largest / STEP)) + 1)
     n = points.harmonic[:, None]
     still = np.where(

@@ -1,5 +1,6 @@
 """From a map in a file to its model: the mode that it shows, fitted under a sine."""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -49,10 +50,12 @@ def pose(
     stated = dataset.attrs.get("drive_frequency")
     power = float(np.mean(np.abs(measured[present]) ** 2) / (2 * noise**2))
     driven = None if stated is None else float(stated)
-    mode, fitted = _find_mode(dataset.assign_attrs(noise_sd=noise), film, driven, power)
-    why = "the first that fits" if driven is None else "near the drive frequency"
+    near = _near(film, driven)
+    mode, fitted = _find_mode(dataset.assign_attrs(noise_sd=noise), film, near, power)
+    why = "near the drive frequency" if near else "the first that fits"
     frequency = float(film.modes.frequency[mode]) if driven is None else driven
-    drive = float(dataset.attrs.get("drive", 1.0))
+    # Without a drive, as where heat moves the film, its size is 1 in whatever unit
+    drive = abs(float(dataset.attrs.get("drive", 1.0))) or 1.0
     wavelength = float(dataset.attrs["wavelength"])
     time = _time(dataset, used)
     x = np.asarray(dataset["x"].values, float)
@@ -118,16 +121,24 @@ def _base(fitted: dict[str, float], wavelength: float, reach: float) -> tuple[Pa
     )
 
 
+def _near(film: SimulatedFilm, driven: float | None) -> list[int]:
+    """Return the modes near the frequency of the drive [Hz], none where it is not known."""
+    if driven is None:
+        return []
+    return [int(k) for k in np.flatnonzero(np.abs(driven / film.modes.frequency - 1) < NEAR)]
+
+
 def _find_mode(
-    dataset: xr.Dataset, film: SimulatedFilm, driven: float | None, power: float
+    dataset: xr.Dataset, film: SimulatedFilm, near: Sequence[int], power: float
 ) -> tuple[int, dict[str, float]]:
     """Return the mode whose shape fits a thinned map best, with its fit.
 
-    driven: frequency of the drive [Hz], None where it is not known. power: mean square of the
-    signal, in that of the noise.
+    near: modes that may be driven; the lowest are tried where there are none. power: mean square of
+    the signal, in that of the noise.
     """
-    frequency = film.modes.frequency
-    near = [] if driven is None else np.flatnonzero(np.abs(driven / frequency - 1) < NEAR).tolist()
+    measured = np.isfinite(dataset["real"].values)
+    rows = np.flatnonzero(measured.any(axis=(0, 2)))
+    dataset = dataset.isel(y=rows, x=np.flatnonzero(measured.any(axis=(0, 1))))
     thin = {axis: slice(None, None, max(1, dataset.sizes[axis] // COARSE)) for axis in ("x", "y")}
     coarse = dataset.isel(thin).isel(harmonic=np.flatnonzero(dataset["harmonic"].values >= 1))
     exact = exact_shapes(film)

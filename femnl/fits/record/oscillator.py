@@ -182,6 +182,20 @@ def simulate_oscillator(
     return np.asarray(run)
 
 
+def refuse_uneven(time: Array) -> None:
+    """Refuse the times (n,) [s] of a record that are no even clock to half a sample.
+
+    Motion is followed from sample to sample, and rows that a file leaves out shift what comes next.
+    """
+    step = float(np.median(np.diff(time)))
+    clock = np.linspace(time[0], time[-1], len(time))
+    if np.max(np.abs(time - clock)) > step / 2:
+        raise MeasurementError(
+            f"trace: samples are not even in time, but mostly {step:.6g} s apart; keep missing "
+            "ones as rows with NaN"
+        )
+
+
 def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.bool_]:
     """Return which samples (n,) are known and can be predicted by a free run.
 

@@ -13,7 +13,14 @@ from femnl.core.fit import Fit
 from femnl.core.numbers import engineering
 from femnl.core.readout import Array
 from femnl.fits.least_squares import fit
-from femnl.fits.record.oscillator import LINEAR, begun, fit_oscillator, settled, simulate_oscillator
+from femnl.fits.record.oscillator import (
+    LINEAR,
+    begun,
+    fit_oscillator,
+    refuse_uneven,
+    settled,
+    simulate_oscillator,
+)
 from femnl.fits.record.start import ONE_FREQUENCY, equation_start, of_one_frequency
 from femnl.io.measurement import noise_sd
 from femnl.observe.extended import ExtendedModel
@@ -98,6 +105,7 @@ def _first_known(dataset: xr.Dataset) -> _Record:
     first = int(np.argmax(np.isfinite(dataset["voltage"].values[0])))
     known = dataset.isel(time=slice(first, None))
     time = known["time"].values
+    refuse_uneven(time)
     return _Record(
         known["drive_voltage"].values[0],
         known["voltage"].values[0],

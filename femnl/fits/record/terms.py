@@ -16,7 +16,13 @@ from femnl.core.kinds import function
 from femnl.core.numbers import plain
 from femnl.core.tables import Table, Tabulated
 from femnl.fits.held import hold_fixed
-from femnl.fits.record.oscillator import LINEAR, fit_oscillator, settled, simulate_oscillator
+from femnl.fits.record.oscillator import (
+    LINEAR,
+    fit_oscillator,
+    refuse_uneven,
+    settled,
+    simulate_oscillator,
+)
 from femnl.observe.record.free_run import Array
 
 if TYPE_CHECKING:
@@ -91,6 +97,7 @@ def fit_terms(
         )
     drive = dataset["drive_voltage"].values[0]
     output = dataset["voltage"].values[0]
+    refuse_uneven(dataset["time"].values)
     rate = float(1 / np.median(np.diff(dataset["time"].values)))
     counted = settled(drive, output, rate)
     test = np.zeros_like(counted)

@@ -178,6 +178,10 @@ def _points(dataset: xr.Dataset, key: str, control: str, law: Law) -> _Points:
         raise MeasurementError(
             f"series: {np.count_nonzero(used)} usable points of {key}; a law needs {LEAST}"
         )
+    if np.ptp(x[used]) == 0:
+        raise MeasurementError(
+            f"series: {key} is known at one value of {control} only; a law needs several"
+        )
     relative = not stated and law != "line"
     weights = sd[used] if stated else _alike(y[used], relative=relative)
     return _Points(x[used], y[used], weights, stated, relative)
@@ -216,6 +220,13 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law, held: Held) -> S
     form = form_of(law, key, (control, per), points.x, points.y, points.sd)
     misfit = _Misfit(form, points)
     residuals, jacobian = held.of_free(misfit.residuals, misfit.jacobian)
+    with np.errstate(all="ignore"):
+        possible = bool(np.isfinite(residuals(form.start[held.free])).all())
+    if not possible:
+        raise ParameterError(
+            f"series: no {law} law can have what is held ({'; '.join(held.notes)}); check value "
+            "and unit"
+        )
     found = least_squares(
         residuals,
         form.start[held.free],

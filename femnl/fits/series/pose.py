@@ -41,6 +41,8 @@ def pose(
     for name in QUANTITIES:
         if name in dataset:
             values = np.asarray(dataset[name].values, float)
+            if not np.isfinite(values).any():
+                continue
             sd, note = _standard_deviation(dataset, name)
             data[name] = (values, sd)
             notes += note
@@ -111,16 +113,16 @@ def _of_film(
     found = {"thermal_stress": own.young / ((1 - own.poisson) * own.stress)}
     if np.isfinite(film.gap):
         found["gap"] = film.gap
-    if "pressure" in control:
-        found["highest_pressure"] = float(np.nanmax(control["pressure"]))
+    if "pressure" in control and (highest := float(np.nanmax(control["pressure"]))) > 0:
+        found["highest_pressure"] = highest
     frequency = middle.get("frequency", float(film.modes.frequency[0]))
     found["crossing_time"] = crossing_time(film.model.outline)
     found["gas_loss"] = free_molecular_loss(own, frequency)
     if "voltage" in control:
-        highest = float(np.nanmax(np.abs(control["voltage"]))) or 1.0
+        most = float(np.nanmax(np.abs(control["voltage"]))) or 1.0
         known = np.isfinite(film.gap)
         # Where the gap is not known, no more than pulls the film in at the highest voltage.
-        found["electrostatic"] = _softening(own, film.gap, frequency) if known else 1 / highest**2
+        found["electrostatic"] = _softening(own, film.gap, frequency) if known else 1 / most**2
     return found
 
 

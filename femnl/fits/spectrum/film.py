@@ -62,7 +62,8 @@ def fit_film(
     assignment: Assignment | None = None
     if _labelled(dataset):
         plain = {name.strip("()"): index for index, name in enumerate(known)}
-        mode = [plain.get(str(label).strip("()")) for label in dataset["label"].values]
+        words = [str(label).strip("()").replace("-", "−") for label in dataset["label"].values]
+        mode = [plain.get(word) for word in words]
     else:
         usable = np.isfinite(f)
         f = f[usable]

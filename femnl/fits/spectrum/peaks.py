@@ -30,10 +30,15 @@ def find_peaks(dataset: xr.Dataset, sweep: int = 0) -> Peaks:
     and the search goes on until nothing is left that noise would not give once in a thousand
     sweeps. A line that does not pay for itself in the end is dropped.
     Args: dataset of kind `response`, complex; sweep: which one.
-    Returns: Peaks. Raises: MeasurementError for fewer than 24 points, ParameterError for a sweep
-    that is not there.
+    Returns: Peaks. Raises: MeasurementError for magnitudes alone and for fewer than 24 points,
+    ParameterError for a sweep that is not there.
     Valid: linear response, at most a small part of the points on lines.
     """
+    if "magnitude" in dataset:
+        raise MeasurementError(
+            "response: magnitudes alone; lines are sought in real and imag, as a magnitude widens "
+            "them"
+        )
     if not 0 <= sweep < dataset.sizes["sweep"]:
         raise ParameterError(
             f"sweep {sweep}: the measurement has sweeps 0 to {dataset.sizes['sweep'] - 1}; "

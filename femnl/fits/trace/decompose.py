@@ -27,6 +27,8 @@ SAMPLES_EACH = 10
 of its noise can be told: fewer leave no noise between the harmonics.
 """
 LEAST_LEFT = 0.25  # part of the noise that harmonics leave, however strong it is where they are
+SILENT = 1e-6
+"""Noise of a step, in that of most steps, below which it is that of rounding."""
 EVEN_TIMES = 0.01
 """Relative difference of intervals between samples up to which they are equal."""
 
@@ -52,7 +54,14 @@ def drive_frequencies(traces: xr.Dataset) -> Array:
         return np.asarray(traces["drive_frequency"].values, float)
     if "drive_voltage" in traces:
         time = traces["time"].values.astype(float)
-        return np.array([_drive_frequency(time, row) for row in traces["drive_voltage"].values])
+        rows = traces["drive_voltage"].values
+        still = [np.unique(row[np.isfinite(row)]).size < 2 for row in rows]
+        if any(still):
+            raise MeasurementError(
+                f"trace: drive_voltage of step {still.index(True) + 1} does not change, so it has "
+                "no frequency; give drive_frequency, or leave the step out"
+            )
+        return np.array([_drive_frequency(time, row) for row in rows])
     raise MeasurementError(
         "trace: neither drive_frequency nor drive_voltage is there; add the frequency [Hz] "
         "of each step"
@@ -80,7 +89,12 @@ def most_harmonics(traces: xr.Dataset) -> int:
 
     Raises: MeasurementError where that is none, and as `drive_frequencies`.
     """
-    fewest = int(np.isfinite(traces["voltage"].values).sum(axis=1).min())
+    samples = np.isfinite(traces["voltage"].values).sum(axis=1)
+    fewest = int(samples.min())
+    if fewest == 0:
+        raise MeasurementError(
+            f"trace: step {int(np.argmin(samples)) + 1} has no sample; leave it out"
+        )
     interval = float(np.median(np.diff(traces["time"].values)))
     fastest = float(drive_frequencies(traces).max())
     within = int(np.ceil(0.5 / (fastest * interval))) - 1
@@ -106,7 +120,8 @@ def decompose(traces: xr.Dataset, n_harmonics: int = MOST_HARMONICS) -> Harmonic
 
     Returns:
         The harmonics of each step; noise_sd from what the harmonics leave, values_sd from it, with
-        the colour that the noise of all steps shows (`noise_colour`) where records are long.
+        the colour that the noise of all steps shows (`noise_colour`) where records are long. A step
+        in which nothing scatters, as of a detector that was off, has the noise of the others.
 
     Raises:
         ParameterError: harmonics beyond half the sampling rate, or more unknowns than samples.
@@ -139,6 +154,10 @@ def decompose(traces: xr.Dataset, n_harmonics: int = MOST_HARMONICS) -> Harmonic
     larger = np.sqrt(known / np.maximum(known - more, LEAST_LEFT * known))
     noise *= larger
     sd *= larger * np.sqrt(power)
+    silent = noise < SILENT * np.median(noise)
+    if silent.any():
+        sd[:, silent] = np.median(sd[:, ~silent], axis=1)[:, None]
+        noise[silent] = np.median(noise[~silent])
     return HarmonicSpectrum(
         frequency, orders, values, sd, noise, colour.correlation_length, colour.independent
     )

@@ -9,7 +9,7 @@ from femnl.core.readout import HarmonicSpectrum
 from femnl.core.robust import MAD
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.fits.trace.colour import beside_phase
-from femnl.fits.trace.decompose import MOST_HARMONICS, SAMPLES_EACH, design
+from femnl.fits.trace.decompose import MOST_HARMONICS, SAMPLES_EACH, design, drive_frequencies
 from femnl.fits.trace.folding import SMOOTH
 from femnl.io.measurement import estimate_noise
 
@@ -36,13 +36,11 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
     samples of about its phase, by more than chance allows, in units of the median scatter. Where
     more than `MOST_GLITCHES` of all samples stand out, none is a glitch.
     """
-    if "drive_frequency" not in traces:
-        return traces, ()
     time = traces["time"].values.astype(float)
     voltage = traces["voltage"].values.astype(float).copy()
     highest = _fitted(int(np.isfinite(voltage).sum(axis=1).min()), n_harmonics)
     told = []
-    for step, frequency in enumerate(traces["drive_frequency"].values.astype(float)):
+    for step, frequency in enumerate(drive_frequencies(traces)):
         row = voltage[step]
         columns = design(time, float(frequency), highest)
         order = np.argsort(float(frequency) * time % 1.0, kind="stable")

@@ -123,9 +123,14 @@ def _mixed(image: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Even a signal that is steep in one direction is removed.
     """
-    order = min(_ORDER, image.shape[1] - 1, image.shape[2] - 1)
-    scale = sum(comb(order, k) ** 2 for k in range(order + 1))
-    return np.asarray(np.diff(np.diff(image, order, axis=1), order, axis=2) / scale)
+    along, across = (min(_ORDER, size - 1) for size in image.shape[1:])
+    differences = np.diff(np.diff(image, along, axis=1), across, axis=2)
+    return np.asarray(differences / (_norm(along) * _norm(across)))
+
+
+def _norm(order: int) -> float:
+    """Return the root of the sum of squares of the weights of a difference of some order."""
+    return float(np.sqrt(comb(2 * order, order)))
 
 
 def _floor(voltage: NDArray[np.float64]) -> float:

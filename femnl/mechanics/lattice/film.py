@@ -148,10 +148,10 @@ def _array(model: Model) -> tuple[float, Array]:
         raise ParameterError(
             f"{model.name}: [layers]: the homogenised film carries none; solve the full film"
         )
-    if model.overhang is not None or any(model.film.gradient):
+    if model.overhang is not None or any(model.film.gradient) or model.film.taper > 0:
         raise ParameterError(
-            f"{model.name}: the homogenised film knows no overhang and no gradient of the "
-            "thickness; solve the full film"
+            f"{model.name}: the homogenised film knows no overhang, no gradient of the thickness "
+            "and no taper; solve the full film"
         )
     if not all(s.clamped for s in model.outline.segments):
         raise ParameterError(

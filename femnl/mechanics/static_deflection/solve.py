@@ -100,6 +100,11 @@ def solve_static_deflection(
         collocation by tests/physics/test_layers_at_rest.py and test_layers_that_end.py.
     """
     refuse_rest(modes.domain.model, depth, pressure)
+    if modes.first > 1:
+        raise ParameterError(
+            f"bow: the modes begin with number {modes.first}; those of a bent film follow from "
+            "the lowest ones, so solve these"
+        )
     if pressure is not None and not stressed:
         raise ParameterError(
             "bow: a pressure stretches the film; stressed = False goes with a depth"

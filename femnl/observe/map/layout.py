@@ -85,7 +85,7 @@ def where_most(
     power[present] = (residuals[:half] ** 2 + residuals[half:] ** 2) / 2
     by_order = power.sum(axis=1) / np.maximum(present.sum(axis=1), 1)
     k = int(np.argmax(by_order))
-    p = int(np.argmax(power.sum(axis=0)))
+    p = int(np.argmax(power[k]))
     rms = ", ".join(
         f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(harmonic, by_order, strict=True)
     )

@@ -235,6 +235,7 @@ class SeriesModel(MeasurementModel):
         rows = dict(zip(self.data, np.split(whole, len(self.data)), strict=True))
         worst = max(rows, key=lambda name: np.nanmean(rows[name] ** 2))
         order = np.argsort(axis)
+        order = order[np.isfinite(rows[worst][order])]
         ends = rows[worst][order[0]], rows[worst][order[-1]]
         low, high = (engineering(float(axis[at]), self.units[control]) for at in order[[0, -1]])
         first, last = (signed(float(end), "") for end in ends)
