@@ -158,6 +158,11 @@ def test_the_command_writes_a_page_numbers_and_a_table(
         ),
         (STUDY, HEAD + "A-11,1,1e-300,1e6\n", "line 2: frequency: value 1e-300 is beyond any"),
         (STUDY, "device,frequency,frequency\nA-11,1e6,2e6\n", "two columns 'frequency'"),
+        (
+            STUDY,
+            "device,frequency,design\nA-11,1e6,small\nA-11,2e6,large\n",
+            "device A-11 is of the design 'large' here, and of 'small' above",
+        ),
         (STUDY, HEAD + "A-11,1,1e6\n", "line 2: has not as many fields as the head (4)"),
         (STUDY, HEAD + "A-11,1,1e6,1e6,1\n", "line 2: has not as many fields as the head (4)"),
     ],

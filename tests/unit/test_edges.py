@@ -253,6 +253,7 @@ def test_the_homogenised_film_refuses_what_it_does_not_know() -> None:
     for other in (
         replace(model, film=replace(model.film, gradient=(1e-4, 0.0))),
         device(HOLES + '[overhang]\nwidth = "5 um"\n'),
+        replace(model, film=replace(model.film, taper=1e-8, taper_length=5e-6)),
     ):
         with pytest.raises(
             ParameterError,
