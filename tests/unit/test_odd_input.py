@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -164,3 +165,42 @@ def test_modes_that_are_not_the_lowest_are_not_bent() -> None:
     assert modes.first > 1
     with pytest.raises(ParameterError, match="follow from the lowest ones"):
         solve_static_deflection(modes, pressure=10.0)
+
+
+def one_for_all(folder: Path, **attributes: float) -> xr.Dataset:
+    """Write five sweeps with attributes in h5py's way, and read them."""
+    path = folder / "all.nc"
+    f = np.tile(np.linspace(1e5, 1.1e5, 20), (5, 1))
+    data = measurement.response(f, np.exp(1j * f), noise_sd=1e-3).drop_vars("harmonic")
+    tree = measurement.bundle({"sweep": data})
+    measurement.write(tree, path)
+    with h5py.File(path, "r+") as file:
+        file["sweep"].attrs.update(attributes)
+    (group,) = measurement.read(path).children.values()
+    return group.to_dataset()
+
+
+def test_one_value_given_as_an_attribute_is_that_of_every_sweep(tmp_path: Path) -> None:
+    data = one_for_all(tmp_path, drive=0.2)
+    np.testing.assert_array_equal(data["drive"].values, np.full(5, 0.2))
+
+
+def test_one_error_given_as_an_attribute_is_that_of_every_mode(tmp_path: Path) -> None:
+    path = tmp_path / "all.nc"
+    lines = measurement.spectrum([1e5, 2e5, 3e5], [1.0, 2.0, 3.0])
+    measurement.write(measurement.bundle({"lines": lines}), path)
+    with h5py.File(path, "r+") as file:
+        del file["lines/frequency_sd"]
+        file["lines"].attrs["frequency_sd"] = 5.0
+    (group,) = measurement.read(path).children.values()
+    np.testing.assert_array_equal(group.to_dataset()["frequency_sd"].values, np.full(3, 5.0))
+
+
+def test_a_value_for_all_that_must_be_positive_is(tmp_path: Path) -> None:
+    path = tmp_path / "all.nc"
+    measurement.write(measurement.bundle({"trace": traces([wave(0)])}), path)
+    with h5py.File(path, "r+") as file:
+        del file["trace/drive_frequency"]
+        file["trace"].attrs["drive_frequency"] = -1e5
+    with pytest.raises(MeasurementError, match="drive_frequency is -100000; give a positive"):
+        measurement.read(path)

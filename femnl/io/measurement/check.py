@@ -164,10 +164,13 @@ def _attributes(
             and name not in arrays
             and len(kind.datasets[name].dims) == 1
         ):
-            number, _ = quantity(_plain(value), kind.datasets[name].unit or "", f"{where}/{name}")
-            arrays[name] = _of_a_size(
-                np.array(number), kind.datasets[name], f"{where}/{name}", notes
-            )
+            one = kind.datasets[name]
+            number, _ = quantity(_plain(value), one.unit or "", f"{where}/{name}")
+            if one.positive and number <= 0:
+                raise MeasurementError(
+                    f"{where}: attribute {name} is {number:g}; give a positive number in {one.unit}"
+                )
+            arrays[name] = _of_a_size(np.array(number), one, f"{where}/{name}", notes)
             notes.append(
                 f"{where}/{name}: one attribute, taken for every {kind.datasets[name].dims[0]}"
             )

@@ -30,7 +30,12 @@ def fit_shapes(
     """
     sizes: dict[str, int] = {}
     shaped: dict[str, Array] = {}
-    for key in sorted(arrays, key=lambda key: (len(kind.datasets[key].dims), -arrays[key].ndim)):
+
+    def turn(key: str) -> tuple[bool, int, int]:
+        # One value for all comes last, when it is known for how many
+        return arrays[key].ndim == 0, len(kind.datasets[key].dims), -arrays[key].ndim
+
+    for key in sorted(arrays, key=turn):
         item = kind.datasets[key]
         line = f"{where}/{key}"
         values = _fit(arrays[key], names.get(key, ()), item, sizes, line, notes)
@@ -69,7 +74,8 @@ def _fit(
     if values.ndim < len(dims):
         missing = dims[: len(dims) - values.ndim]
         counts = tuple(sizes.get(dim, 1) for dim in missing)
-        if item.coordinate or all(n == 1 for n in counts):
+        for_all = item.coordinate or (values.ndim == 0 and line.endswith("_sd"))
+        if for_all or all(n == 1 for n in counts):
             if values.ndim:
                 notes.append(
                     f"{line}: has no {' or '.join(missing)} dimension, taken for "
