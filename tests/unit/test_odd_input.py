@@ -167,22 +167,16 @@ def test_modes_that_are_not_the_lowest_are_not_bent() -> None:
         solve_static_deflection(modes, pressure=10.0)
 
 
-def one_for_all(folder: Path, **attributes: float) -> xr.Dataset:
-    """Write five sweeps with attributes in h5py's way, and read them."""
-    path = folder / "all.nc"
-    f = np.tile(np.linspace(1e5, 1.1e5, 20), (5, 1))
-    data = measurement.response(f, np.exp(1j * f), noise_sd=1e-3).drop_vars("harmonic")
-    tree = measurement.bundle({"sweep": data})
-    measurement.write(tree, path)
-    with h5py.File(path, "r+") as file:
-        file["sweep"].attrs.update(attributes)
-    (group,) = measurement.read(path).children.values()
-    return group.to_dataset()
-
-
 def test_one_value_given_as_an_attribute_is_that_of_every_sweep(tmp_path: Path) -> None:
-    data = one_for_all(tmp_path, drive=0.2)
-    np.testing.assert_array_equal(data["drive"].values, np.full(5, 0.2))
+    f = np.tile(np.linspace(1e5, 1.1e5, 20), (5, 1))
+    with h5py.File(tmp_path / "all.nc", "w") as file:
+        file.attrs["femnl_measurement"] = "1.2"
+        group = file.create_group("sweep")
+        group.attrs.update({"kind": "response", "drive": 0.2})
+        for name, values in {"frequency": f, "real": np.cos(f), "imag": np.sin(f)}.items():
+            group[name] = values
+    (found,) = measurement.read(tmp_path / "all.nc").children.values()
+    np.testing.assert_array_equal(found.to_dataset()["drive"].values, np.full(5, 0.2))
 
 
 def test_one_error_given_as_an_attribute_is_that_of_every_mode(tmp_path: Path) -> None:
