@@ -1,4 +1,4 @@
-"""What a diagnosis says: `diagnosis.json`, version 1.1, and what its report shows beside it."""
+"""What a diagnosis says: `diagnosis.json`, and what its report shows beside it."""
 
 from dataclasses import dataclass
 from math import inf

@@ -11,6 +11,7 @@ from femnl.core.device import Model
 from femnl.core.diagnosis import Covariance, Diagnosis, NoiseTold
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter
+from femnl.core.json_values import json_value
 from femnl.io.results.atomic import write_text_whole, write_whole
 
 VERSION = "1.3"
@@ -129,7 +130,7 @@ def write(diagnosis: Diagnosis, folder: str | Path) -> None:
         raise ParameterError(
             f"{folder}: no folder can be made there ({error.strerror}); choose another with --out"
         ) from error
-    text = json.dumps(record(diagnosis), ensure_ascii=False, indent=1)
+    text = json.dumps(json_value(record(diagnosis)), ensure_ascii=False, indent=1, allow_nan=False)
     write_text_whole(folder / "diagnosis.json", text)
     table = folder / TABLE
     found = diagnosis.contributions

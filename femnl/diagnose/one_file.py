@@ -80,7 +80,9 @@ def settings_of(geometry: str | Path | None, effects: Iterable[Effect] | None) -
         file = find_geometry(name)
         text = None if file.parent == geometries() else file.read_text(encoding="utf-8")
         name = file.stem if text is None else file.name
-    about = (code_digest(), fingerprint(pool), name, text)
+    # A file may name a shipped geometry, which is no code and may change without it
+    shipped = [path.read_bytes() for path in sorted(geometries().glob("*.toml"))]
+    about = (code_digest(), fingerprint(pool), name, text, shipped)
     digest = hashlib.sha256(repr(about).encode()).hexdigest()
     return Settings(name, text, tuple(sent(pool, workers=2)), digest)
 

@@ -194,7 +194,9 @@ def _told(tell: Tell | None, tasks: Sequence[Task], checkpoint: RowCheckpoint) -
 
 def _write(table: Path | None, tasks: Sequence[Task], checkpoint: RowCheckpoint) -> None:
     if table is not None:
-        text = _frame(tasks, checkpoint).to_csv(index=False, lineterminator="\n")
+        # pandas quotes no carriage return, which readers take for the end of a line
+        frame = _frame(tasks, checkpoint).replace({"\r": r"\\r"}, regex=True)
+        text = frame.to_csv(index=False, lineterminator="\n")
         write_text_whole(table, text)
 
 

@@ -1,5 +1,6 @@
 """Odd but legal input: a step without signal, missing rows, one row, numbers without errors."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -10,8 +11,11 @@ import xarray as xr
 from femnl import load, measurement
 from femnl.chip.measured import measured
 from femnl.core.errors import MeasurementError, ParameterError
-from femnl.core.resources import find_geometry
+from femnl.core.resources import find_geometry, geometries
 from femnl.core.stages import Points
+from femnl.diagnose import one_file
+from femnl.diagnose.noise_level import noise_level
+from femnl.diagnose.one_file import settings_of
 from femnl.effects.electrostatic_softening import soften
 from femnl.fits.record.terms import fit_terms
 from femnl.fits.series.law import fit_series
@@ -22,6 +26,7 @@ from femnl.io.measurement import estimate_noise
 from femnl.mechanics.static_deflection import solve_static_deflection
 from femnl.observe.map.layout import where_most
 from femnl.observe.map.spots import Grid
+from femnl.observe.residuals import apart
 from femnl.pipeline import solve_modes_near
 
 SEED = 20261130
@@ -198,3 +203,25 @@ def test_a_value_for_all_that_must_be_positive_is(tmp_path: Path) -> None:
         file["trace"].attrs["drive_frequency"] = -1e5
     with pytest.raises(MeasurementError, match="drive_frequency is -100000; give a positive"):
         measurement.read(path)
+
+
+def test_data_that_repeat_what_is_predicted_tell_no_noise() -> None:
+    residuals = np.random.default_rng(SEED).normal(size=2000)
+    residuals[:1300] = 0
+    layout = replace(apart(np.zeros(2000, np.int64)), previous=np.arange(2000) - 1)
+    dropped = np.zeros(2000, dtype=bool)
+    assert noise_level(residuals, layout, dropped, bare=True) == (1.0, 0.0)
+    assert noise_level(np.zeros(2000), layout, dropped, bare=False) == (1.0, 0.0)
+
+
+def test_rows_of_a_table_are_of_the_shipped_geometries_that_there_were(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for source in geometries().glob("*.toml"):
+        (tmp_path / source.name).write_bytes(source.read_bytes())
+    before = settings_of(None, None).digest
+    monkeypatch.setattr(one_file, "geometries", lambda: tmp_path)
+    assert settings_of(None, None).digest == before
+    with (tmp_path / "circle.toml").open("a") as file:
+        file.write("# thinner now\n")
+    assert settings_of(None, None).digest != before
