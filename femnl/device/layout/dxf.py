@@ -61,9 +61,16 @@ def _unit(path: Path, known: int, unit: str | None) -> float:
     if known and unit is not None:
         raise GeometryError(one_line(f"{path}: this file names its unit; leave --unit out"))
     if known:
-        return float(
-            units.conversion_factor(ezdxf.enums.InsertUnits(known), ezdxf.enums.InsertUnits.Meters)
-        )
+        try:
+            return float(
+                units.conversion_factor(
+                    ezdxf.enums.InsertUnits(known), ezdxf.enums.InsertUnits.Meters
+                )
+            )
+        except (TypeError, ValueError):
+            raise GeometryError(
+                one_line(f"{path}: $INSUNITS = {known} is no unit that is read; save it in mm")
+            ) from None
     if unit is None:
         raise GeometryError(one_line(f"{path}: names no unit; give one, such as --unit um"))
     return to_si(f"1 {unit}", LENGTH)
@@ -84,7 +91,9 @@ def _pieces(entity: Any, size: float) -> list[Loop]:
     kind = entity.dxftype()
     if kind in ("LWPOLYLINE", "POLYLINE"):
         parts = [_pieces(part, size)[0] for part in entity.virtual_entities()]
-        return [tuple(segment for part in parts for segment in part)] if parts else []
+        # Closed ones may repeat their first corner
+        chain = tuple(s for part in parts for s in part if s.start != s.end)
+        return [chain] if chain else []
     if kind == "LINE":
         return [(Segment(_at(entity.dxf.start, size), _at(entity.dxf.end, size)),)]
     if kind == "CIRCLE":

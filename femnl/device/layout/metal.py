@@ -49,19 +49,19 @@ def _number(text: str) -> float:
 
 
 def parts_of(regions: Sequence[Drawn], origin: NDArray[np.float64]) -> Keys:
-    """Return a combined shape of regions: each added, and its holes subtracted.
+    """Return a combined shape of regions: each added, then its holes subtracted.
 
     Args:
         regions: of the layout.
         origin: (2,) [m] of the geometry in the layout.
     """
-    outer = [_part(region.outer, origin) for region in regions]
-    holes = [
-        _part(hole, origin) | {"operation": "subtract"}
-        for region in regions
-        for hole in region.inner
-    ]
-    return {"kind": "combined", "parts": outer + holes}
+    # The larger first, as one may lie in a hole of another
+    ordered = sorted(regions, key=lambda region: -abs(curves.area(outline_of(region.outer.there))))
+    parts = []
+    for region in ordered:
+        parts.append(_part(region.outer, origin))
+        parts += [_part(hole, origin) | {"operation": "subtract"} for hole in region.inner]
+    return {"kind": "combined", "parts": parts}
 
 
 def _part(curve: Placed, origin: NDArray[np.float64]) -> Keys:

@@ -62,7 +62,9 @@ def film_of(drawing: Drawing) -> Film:
     for role in dict.fromkeys((*drawing.polygons, *drawing.loops)):
         drawn = drawing.polygons.get(role, ())
         regions[role], found, seen = merged(drawn, drawing.grid)
-        regions[role] += [Drawn(Placed(loop, ORIGIN)) for loop in drawing.loops.get(role, ())]
+        curved = [Placed(loop, ORIGIN) for loop in drawing.loops.get(role, ())]
+        _refuse_nested(role, curved)
+        regions[role] += [Drawn(one) for one in curved]
         counts += found
         faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
     _refuse(faults)
@@ -71,6 +73,21 @@ def film_of(drawing: Drawing) -> Film:
     posts = [region.outer for region in regions.get("posts", [])]
     metal = tuple(regions.get("metal", ()))
     return Film(film, (*inner, *posts), counts, tuple(faults), metal)
+
+
+def _refuse_nested(role: str, placed: list[Placed]) -> None:
+    """Refuse a curve within another of one layer, which would be lost; but for holes, in vain."""
+    if role == "holes" or len(placed) < 2:
+        return
+    shapes = _chords(placed)
+    inside, around = shapely.STRtree(shapes).query(shapes, "within")
+    for one, other in zip(inside, around, strict=True):
+        if one != other:
+            where = place(np.array(placed[int(one)].there[0].start))
+            raise GeometryError(
+                f"{role}: the curve at {where} lies within another; draw what is cut out on the "
+                "layer of holes"
+            )
 
 
 def faults_of(drawing: Drawing) -> list[Fault]:
@@ -173,7 +190,7 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fau
         steps.append(("intersect", _window(release).there))
     steps += [("subtract", region.outer.there) for region in frame]
     inner += [replace(region.outer, clamped=False) for region in regions.get("holes", [])]
-    edge = steps[0][1] if len(steps) == 1 else _only(combine(steps)).outer
+    edge = steps[0][1] if len(steps) == 1 else _outer(_only(combine(steps)))
     within, across = _sorted(edge, inner)
     doubtful = []
     if held:
@@ -188,6 +205,17 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fau
         edge = film.outer
         within = _sorted(edge, [*within, *cut])[0]
     return edge, within, doubtful
+
+
+def _outer(region: Region) -> Loop:
+    """The outer edge of what is left of a film; an inner edge that comes of it is refused."""
+    if region.inner:
+        where = place(np.array(region.inner[0][0].start))
+        raise GeometryError(
+            f"film, release and frame leave an inner edge at {where}; draw it on the layer of "
+            "holes, or of posts where the film is clamped there"
+        )
+    return region.outer
 
 
 def _window(release: list[Drawn]) -> Placed:

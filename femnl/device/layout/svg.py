@@ -60,19 +60,46 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
 
 
 def _unit(path: Path, root: Any, unit: str | None) -> float:
-    """The length [m] of a user unit: width over that of viewBox, where width has a unit."""
+    """The length [m] of a user unit: width over that of viewBox, where width has a unit.
+
+    Raises: GeometryError where the height says another length.
+    """
     match = re.fullmatch(r"\s*([\d.eE+-]+)\s*(\w+)\s*", root.get("width", ""))
     box = root.get("viewBox", "").replace(",", " ").split()
     known = match is not None and match[2] in PHYSICAL and len(box) == 4
     if known and unit is not None:
         raise GeometryError(one_line(f"{path}: this file names its unit; leave --unit out"))
     if match is not None and known:
-        return to_si(f"{match[1]} {match[2]}", LENGTH) / float(box[2])
+        return _of_box(path, root, to_si(f"{match[1]} {match[2]}", LENGTH), box)
     if unit is None:
         raise GeometryError(
             one_line(f"{path}: names no unit of length; give one, such as --unit um")
         )
     return to_si(f"1 {unit}", LENGTH)
+
+
+def _of_box(path: Path, root: Any, width: float, box: list[str]) -> float:
+    """The length [m] of a user unit of a box that is `width` wide."""
+    try:
+        across, down = (float(side) for side in box[2:])
+    except ValueError:
+        across = down = 0.0
+    if not (0 < across < np.inf and 0 < down < np.inf):
+        raise GeometryError(
+            one_line(f"{path}: viewBox = {' '.join(box)}: expected a positive width and height")
+        )
+    size = width / across
+    match = re.fullmatch(r"\s*([\d.eE+-]+)\s*(\w+)\s*", root.get("height", ""))
+    if match is not None and match[2] in PHYSICAL:
+        other = to_si(f"{match[1]} {match[2]}", LENGTH) / down
+        if abs(other - size) > 1e-3 * size:
+            raise GeometryError(
+                one_line(
+                    f"{path}: a unit is {size:.4g} m by its width and {other:.4g} m by its height; "
+                    "save it with a viewBox of the same shape"
+                )
+            )
+    return size
 
 
 def _names(element: Any, parents: Mapping[Any, Any]) -> set[str]:

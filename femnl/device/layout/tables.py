@@ -90,7 +90,8 @@ def array_keys(centres: Array, keys: Keys, grid: float) -> Keys:
     rows = _evenly(centres[:, 1], grid)
     if len(centres) > 3 and columns is not None and rows is not None:
         (x, step_x, nx), (y, step_y, ny) = columns, rows
-        if nx * ny == len(centres) and nx > 1 and ny > 1:
+        places = {(round((a - x) / step_x * 2), round((b - y) / step_y * 2)) for a, b in centres}
+        if nx * ny == len(centres) == len(places) and nx > 1 and ny > 1:
             square = abs(step_x - step_y) <= grid / 2
             pitch: Any = written(step_x) if square else [written(step_x), written(step_y)]
             keys = {

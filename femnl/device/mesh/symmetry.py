@@ -24,7 +24,10 @@ it, by up to 0.71 of a step."""
 CENTRED = 1e-9
 """Of the film's length, by which its middle may miss the origin by rounding."""
 ALONG = 12
-"""Points along each piece of a layer's rim whose mirror images are looked for on its rims."""
+MOST_ALONG = 100_000
+"""Points along each piece of a layer's rim whose mirror images are looked for on its rims, at least
+and at most; there are at least twice as many in the length of the film.
+"""
 WEDGES = {"full": FULL, "half": HALF, "quarter": QUARTER, "eighth": EIGHTH, "twelfth": TWELFTH}
 
 
@@ -127,12 +130,22 @@ def _opening_points(model: Model) -> Array:
 
 def _mirrors_layers(model: Model, angle: float, tolerance: float) -> bool:
     """Whether the image of each layer's rims lies on its rims, as far as they lie on the film."""
-    along = np.linspace(0, 1, ALONG)
+    ends = np.linspace(0, 1, ALONG)
+    step = model.outline.length / (2 * ALONG)
     for lamina in model.layers:
         segments = [segment for rim in lamina.rims for segment in rim.segments]
         if not segments:
             continue
-        points = np.concatenate([curves.point_at(segment, along) for segment in segments])
+        rough = [curves.point_at(segment, ends) for segment in segments]
+        lengths = [np.hypot(*np.diff(one, axis=0).T).sum() for one in rough]
+        # A rim that reaches far beyond the film is looked at as closely where it crosses it
+        counts = [min(max(ALONG, int(length / step)), MOST_ALONG) for length in lengths]
+        points = np.concatenate(
+            [
+                curves.point_at(segment, np.linspace(0, 1, count))
+                for segment, count in zip(segments, counts, strict=True)
+            ]
+        )
         inside = curves.contains(model.edge_outline, points)
         inside &= curves.distance(model.edge_outline, points) > tolerance
         image = points[inside] @ _mirror(angle)

@@ -4,6 +4,7 @@ import hashlib
 import logging
 from collections.abc import Callable
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,7 +20,8 @@ from femnl.io.results.atomic import write_whole
 from femnl.io.results.netcdf import read_modes, write_modes
 
 SEAL = hashlib.sha256().digest_size  # bytes
-STAGES = ("core", "device/mesh", "mechanics", "pipeline.py", "io/results")
+STAGES = ("core", "device", "mechanics", "observe/film.py", "pipeline.py", "io/results")
+LIBRARIES = ("gmsh", "numpy", "scikit-fem", "scipy")
 Result = TypeVar("Result")
 
 
@@ -154,7 +156,7 @@ def key(model: Model, options: tuple[object, ...]) -> str:
 
 @cache
 def _code() -> str:
-    """Return a digest of the source of every stage that results depend on.
+    """Return a digest of the source of every stage that results depend on, and of its libraries.
 
     With it a change of code never meets an old file.
     """
@@ -164,4 +166,5 @@ def _code() -> str:
         for stage in STAGES
         for f in ([root / stage] if stage.endswith(".py") else (root / stage).rglob("*.py"))
     )
-    return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()
+    versions = " ".join(f"{name} {version(name)}" for name in LIBRARIES).encode()
+    return hashlib.sha256(versions + b"".join(f.read_bytes() for f in files)).hexdigest()

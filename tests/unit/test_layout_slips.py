@@ -1,0 +1,120 @@
+"""Layouts whose curves would be lost or misread, and layers that reach far beyond the film."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import ezdxf
+import gdstk
+import numpy as np
+import pytest
+
+from femnl import load
+from femnl.core.device import Model
+from femnl.core.errors import GeometryError
+from femnl.core.resources import find_geometry
+from femnl.device.geometry import parse
+from femnl.device.layout import import_layout
+from femnl.device.mesh import covers
+from femnl.device.mesh.symmetry import FULL, find_wedge
+from tests.unit.layouts import write
+
+UM = 1e-6
+LIKE = load(find_geometry("square-270um"))
+
+
+def imported(path: Path, **layers: str) -> Model:
+    """Return the device of a layout."""
+    return import_layout(path, layers, LIKE).model
+
+
+def dxf(path: Path, draw: Callable[[ezdxf.layouts.Modelspace], object], units: int = 13) -> Path:
+    """Write a drawing in µm."""
+    document = ezdxf.new()
+    document.units = units
+    draw(document.modelspace())
+    document.saveas(path)
+    return path
+
+
+def square(space: ezdxf.layouts.Modelspace, half: float, layer: str = "F") -> None:
+    """Draw a square that repeats its first corner and is closed."""
+    corners = [(-half, -half), (half, -half), (half, half), (-half, half), (-half, -half)]
+    space.add_lwpolyline(corners, close=True, dxfattribs={"layer": layer})
+
+
+def test_a_closed_polyline_may_repeat_its_first_corner(tmp_path: Path) -> None:
+    model = imported(dxf(tmp_path / "a.dxf", lambda space: square(space, 100)), film="F")
+    assert model.outline.length == pytest.approx(200 * UM)
+
+
+def test_a_curve_within_another_of_its_layer_is_refused(tmp_path: Path) -> None:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        square(space, 100)
+        space.add_circle((0, 0), 20, dxfattribs={"layer": "F"})
+
+    with pytest.raises(GeometryError, match=r"film: the curve at .* lies within another"):
+        imported(dxf(tmp_path / "a.dxf", draw), film="F")
+
+
+def test_circles_drawn_twice_are_no_lattice(tmp_path: Path) -> None:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        square(space, 100)
+        for at in ((0, 0), (20, 20), (0, 20), (0, 20)):
+            space.add_circle(at, 3, dxfattribs={"layer": "H"})
+
+    with pytest.raises(GeometryError, match=r"hole 3 at .* and hole 4 at .* overlap"):
+        imported(dxf(tmp_path / "a.dxf", draw), film="F", holes="H")
+
+
+def test_a_unit_of_a_drawing_that_is_not_read_is_refused(tmp_path: Path) -> None:
+    path = dxf(tmp_path / "a.dxf", lambda space: square(space, 100), units=9)
+    with pytest.raises(GeometryError, match=r"\$INSUNITS = 9 is no unit that is read"):
+        imported(path, film="F")
+
+
+@pytest.mark.parametrize(
+    ("box", "told"),
+    [
+        ('width="2mm" height="1mm" viewBox="0 0 1000 1000"', "by its width and .* by its height"),
+        ('width="2mm" height="1mm" viewBox="0 0 0 0"', "expected a positive width and height"),
+    ],
+)
+def test_a_view_box_that_tells_no_scale_is_refused(box: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.svg"
+    path.write_text(
+        f'<svg xmlns="http://www.w3.org/2000/svg" {box}><g id="F">'
+        '<path d="M0 0H200V200H0Z"/></g></svg>'
+    )
+    with pytest.raises(GeometryError, match=told):
+        imported(path, film="F")
+
+
+def test_wafer_left_inside_a_film_is_not_lost(tmp_path: Path) -> None:
+    film = gdstk.rectangle((-100, -100), (100, 100), layer=1)
+    left = gdstk.rectangle((-10, -10), (10, 10), layer=3)
+    with pytest.raises(GeometryError, match="leave an inner edge at"):
+        imported(write(tmp_path / "a.gds", film, left), film="1/0", frame="3/0")
+
+
+def test_metal_within_a_hole_of_metal_stays(tmp_path: Path) -> None:
+    film = gdstk.rectangle((-100, -100), (100, 100), layer=1)
+    ring = gdstk.ellipse((0, 0), 60, inner_radius=40, layer=5, tolerance=1e-3)
+    dot = gdstk.rectangle((-10, -10), (10, 10), layer=5)
+    model = imported(write(tmp_path / "a.gds", film, ring, dot), film="1/0", metal="5/0")
+    (layer,) = model.layers
+    places = UM * np.array([[0.0, 0.0], [30.0, 0.0], [50.0, 0.0], [80.0, 0.0]])
+    assert covers(layer, places).tolist() == [True, False, True, False]
+
+
+@pytest.mark.parametrize("side", [150, 1300, 20_000])
+def test_a_layer_to_one_side_is_symmetric_at_no_size(side: float) -> None:
+    text = find_geometry("metallised-drum").read_text(encoding="utf-8")
+    drum = parse(text)
+    away = 0.1 * drum.outline.length / UM + side / 2
+    part = f'{{ shape = {{ kind = "square", side = "{side} um" }}, at = ["{away} um", "0 um"] }}'
+    pad = f'shape = {{ kind = "combined", parts = [{part}] }}'
+    head, _, rest = text.partition("shape = ")
+    model = parse(head + pad + "\n" + rest.partition("\n")[2])
+    wedge = find_wedge(replace(model), "auto")
+    assert wedge > FULL / 4
