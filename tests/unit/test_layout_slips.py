@@ -118,3 +118,51 @@ def test_a_layer_to_one_side_is_symmetric_at_no_size(side: float) -> None:
     model = parse(head + pad + "\n" + rest.partition("\n")[2])
     wedge = find_wedge(replace(model), "auto")
     assert wedge > FULL / 4
+
+
+def test_what_a_block_has_on_layer_0_is_on_the_layer_of_its_insertion(tmp_path: Path) -> None:
+    document = ezdxf.new()
+    document.units = 13
+    block = document.blocks.new("HOLE")
+    block.add_circle((0, 0), 5, dxfattribs={"layer": "0"})
+    space = document.modelspace()
+    square(space, 100)
+    space.add_circle((-40, 0), 5, dxfattribs={"layer": "H"})
+    space.add_blockref("HOLE", (40, 0), dxfattribs={"layer": "H"})
+    document.saveas(tmp_path / "a.dxf")
+    model = imported(tmp_path / "a.dxf", film="F", holes="H")
+    assert sorted(model.holes.centres[:, 0] / UM) == pytest.approx([-40, 40])
+
+
+@pytest.mark.parametrize(
+    ("inside", "told"),
+    [
+        ('<circle id="c" cx="50" cy="50" r="5"/><use href="#c" x="60"/>', "<use> is not read"),
+        ('<a><circle cx="50" cy="50" r="5"/></a>', "<a> is not read"),
+        ('<svg><circle cx="50" cy="50" r="5"/></svg>', "<svg> is not read"),
+        (
+            '<g style="transform:scale(2)"><circle cx="50" cy="50" r="5"/></g>',
+            "a transform within style is not read",
+        ),
+    ],
+)
+def test_what_an_svg_shows_and_is_not_read_is_refused(
+    inside: str, told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.svg"
+    path.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="1mm" viewBox="0 0 1000 1000"><g id="F">'
+        f'<path d="M0 0H200V200H0Z"/></g><g id="H">{inside}</g></svg>'
+    )
+    with pytest.raises(GeometryError, match=told):
+        imported(path, film="F", holes="H")
+
+
+def test_a_frame_that_is_a_ring_leaves_the_film_in_its_opening(tmp_path: Path) -> None:
+    film = gdstk.rectangle((-100, -100), (100, 100), layer=1)
+    outside = gdstk.rectangle((-150, -150), (150, 150), layer=3)
+    opening = gdstk.rectangle((-90, -90), (90, 90), layer=3)
+    ring = gdstk.boolean(outside, opening, "not", layer=3)
+    model = imported(write(tmp_path / "a.gds", film, *ring), film="1/0", frame="3/0")
+    assert model.outline.length == pytest.approx(180 * UM)
+    assert all(segment.clamped for segment in model.outline.segments)

@@ -77,11 +77,17 @@ def _unit(path: Path, known: int, unit: str | None) -> float:
 
 
 def _flat(drawn: Any) -> Iterator[Any]:
-    """Entities, those of inserted blocks in their places."""
+    """Entities, those of inserted blocks in their places.
+
+    What a block has on layer 0 is on the layer of its insertion.
+    """
     for entity in drawn:
         if entity.dxftype() == "INSERT":
             for one in entity.multi_insert() if entity.mcount > 1 else [entity]:
-                yield from _flat(one.virtual_entities())
+                for inner in _flat(one.virtual_entities()):
+                    if inner.dxf.layer == "0":
+                        inner.dxf.layer = entity.dxf.layer
+                    yield inner
         elif entity.dxftype() in DRAWN:
             yield entity
 

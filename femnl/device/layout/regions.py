@@ -188,7 +188,11 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fau
         raise GeometryError("film encloses no area; draw it as a closed curve")
     if release:
         steps.append(("intersect", _window(release).there))
-    steps += [("subtract", region.outer.there) for region in frame]
+    for region in frame:
+        if region.inner:  # a ring, whose opening is where the wafer is gone
+            steps.append(("intersect", _opening(region).there))
+        else:
+            steps.append(("subtract", region.outer.there))
     inner += [replace(region.outer, clamped=False) for region in regions.get("holes", [])]
     edge = steps[0][1] if len(steps) == 1 else _outer(_only(combine(steps)))
     within, across = _sorted(edge, inner)
@@ -205,6 +209,16 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fau
         edge = film.outer
         within = _sorted(edge, [*within, *cut])[0]
     return edge, within, doubtful
+
+
+def _opening(ring: Drawn) -> Placed:
+    """The opening of a frame that is drawn as a ring, clamped like its outer edge."""
+    if len(ring.inner) > 1:
+        where = place(np.array(ring.inner[-1].there[0].start))
+        raise GeometryError(
+            f"frame: {len(ring.inner)} openings, one at {where}; import a cell with one of them"
+        )
+    return replace(ring.inner[0], clamped=ring.outer.clamped)
 
 
 def _outer(region: Region) -> Loop:

@@ -20,6 +20,8 @@ from femnl.device.layout.drawing import Drawing, Loop
 Array = NDArray[np.float64]
 
 PHYSICAL = ("mm", "cm", "in")
+UNREAD = frozenset({"use", "svg", "a", "image", "text", "switch", "symbol"})
+"""Elements that show something and are no shape; clones are <use>."""
 LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 WITHIN = GRID  # m, how far arcs may leave a Bézier curve
 ROUND = 1e-9  # relative difference up to which two half axes are one radius
@@ -41,6 +43,7 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
     loops = {}
     faults = []
     for role, layer in layers.items():
+        _refuse_unread(path, root, layer, parents)
         pieces = [
             _chain(part, size)
             for drawn in found
@@ -110,6 +113,25 @@ def _names(element: Any, parents: Mapping[Any, Any]) -> set[str]:
         found |= {name for name in (here.get("id"), here.get(LABEL)) if name}
         here = parents.get(here)
     return found
+
+
+def _refuse_unread(path: Path, root: Any, layer: str, parents: Mapping[Any, Any]) -> None:
+    """Refuse elements of a group that would be passed over, or read in another place."""
+    for element in root.iter():
+        if not isinstance(element.tag, str) or layer not in _names(element, parents):
+            continue
+        kind = element.tag.rpartition("}")[2]
+        if kind in UNREAD and element is not root:
+            raise GeometryError(
+                one_line(f"{path}: group {layer}: <{kind}> is not read; make it a path of its own")
+            )
+        if "transform" in element.get("style", ""):
+            raise GeometryError(
+                one_line(
+                    f"{path}: group {layer}: a transform within style is not read; write it as the "
+                    "attribute transform"
+                )
+            )
 
 
 def _chain(part: Any, size: float) -> Loop:
