@@ -55,6 +55,7 @@ def _key(
     for part in (
         start,
         first,
+        model.residuals(start),
         model.base_model.start,
         *model.bounds,
         *([] if keep is None else [keep]),

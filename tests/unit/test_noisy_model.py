@@ -114,6 +114,14 @@ def test_a_fit_under_one_noise_is_not_recalled_under_another(tmp_path: Path) -> 
     assert without.vector == pytest.approx(mean, rel=1e-6)
 
 
+def test_a_fit_of_other_data_from_the_same_start_is_not_recalled(tmp_path: Path) -> None:
+    kept = open_checkpoint(tmp_path / "fits.jsonl")
+    for level in (3.0, 4.0):
+        model = line(level + noise(4))
+        found = fit(ExtendedModel(model), model.start, checkpoint=kept)
+        assert found.vector == pytest.approx(level + noise(4).mean(), rel=1e-6)
+
+
 def remaining(left: Array, *, causes: int = 1) -> Candidate:
     """Return causes of strong signal, fitted to data that they leave so much of."""
     signal = 1e3 * np.linspace(-1, 1, N)

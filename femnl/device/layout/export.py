@@ -67,7 +67,7 @@ def export_layout(model: Model, path: Path) -> tuple[str, ...]:
     for role, drawn in polygons.items():
         layer, kind = LAYERS[role]
         cell.add(*(gdstk.Polygon((p * 1e6).tolist(), layer=layer, datatype=kind) for p in drawn))
-    if path.suffix == ".gds":
+    if path.suffix.lower() == ".gds":
         library.write_gds(path, max_points=MOST_CORNERS)
     else:
         library.write_oas(path)
