@@ -120,6 +120,15 @@ def test_a_layer_to_one_side_is_symmetric_at_no_size(side: float) -> None:
     assert wedge > FULL / 4
 
 
+def test_film_on_both_sides_of_a_frame_is_refused(tmp_path: Path) -> None:
+    film = gdstk.rectangle((-100, -100), (100, 100), layer=1)
+    outside = gdstk.rectangle((-50, -50), (50, 50), layer=3)
+    opening = gdstk.rectangle((-40, -40), (40, 40), layer=3)
+    ring = gdstk.boolean(outside, opening, "not", layer=3)
+    with pytest.raises(GeometryError, match="there is film around it"):
+        imported(write(tmp_path / "a.gds", film, *ring), film="1/0", frame="3/0")
+
+
 def test_what_a_block_has_on_layer_0_is_on_the_layer_of_its_insertion(tmp_path: Path) -> None:
     document = ezdxf.new()
     document.units = 13

@@ -190,6 +190,7 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fau
         steps.append(("intersect", _window(release).there))
     for region in frame:
         if region.inner:  # a ring, whose opening is where the wafer is gone
+            _refuse_film_around(steps[: len(regions["film"])], region)
             steps.append(("intersect", _opening(region).there))
         else:
             steps.append(("subtract", region.outer.there))
@@ -209,6 +210,17 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fau
         edge = film.outer
         within = _sorted(edge, [*within, *cut])[0]
     return edge, within, doubtful
+
+
+def _refuse_film_around(film: list[tuple[Operation, Loop]], ring: Drawn) -> None:
+    """Refuse a frame with film on both sides, of which the part around it would be lost."""
+    beyond = combine([*film, ("subtract", ring.outer.there)])
+    if beyond:
+        where = place(np.array(beyond[0].outer[0].start))
+        raise GeometryError(
+            f"frame: there is film around it, at {where}, and in its opening; import a cell with "
+            "one of them"
+        )
 
 
 def _opening(ring: Drawn) -> Placed:
