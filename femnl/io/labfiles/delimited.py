@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import Format, Groups, need_size
 from femnl.io.labfiles.columns import one_table
+from femnl.io.labfiles.named_columns import is_number
 from femnl.io.labfiles.spec import Spec
 
 HEAD = 200
@@ -81,21 +82,12 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
         if spec.header
         else [str(number + 1) for number in range(frame.shape[1])]
     )
-    if spec.header and all(_is_number(name) for name in names):
+    if spec.header and all(is_number(name) for name in names):
         raise MeasurementError(
             f"{path}: its first line holds numbers and no headings; give header = false, and "
             "columns by number"
         )
     return {name: frame.iloc[:, index].to_numpy() for index, name in enumerate(names)}
-
-
-def _is_number(text: str) -> bool:
-    """Whether a heading is a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _refuse_odd_head(path: Path, spec: Spec, delimiter: str, named: int) -> None:

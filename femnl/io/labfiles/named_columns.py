@@ -158,7 +158,7 @@ def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[An
         return np.empty(values.shape)
     if values.dtype.kind not in "iuf":
         row, bad = next(
-            ((k, str(value)) for k, value in enumerate(values.ravel(), 1) if not _is_number(value)),
+            ((k, str(value)) for k, value in enumerate(values.ravel(), 1) if not is_number(value)),
             (0, ""),
         )
         if _with_comma(bad):
@@ -176,10 +176,10 @@ def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[An
 
 def _with_comma(text: str) -> bool:
     """Whether text is a number whose decimal mark is a comma."""
-    return text.count(",") == 1 and _is_number(text.replace(",", "."))
+    return text.count(",") == 1 and is_number(text.replace(",", "."))
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
     """Whether a value is a number as tables write it; Python also reads 1_000 and other digits."""
     text = str(value)
     try:
