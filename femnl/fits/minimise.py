@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
 from femnl.core.readout import Array
+from femnl.fits.secant import Place, carried_on
 from femnl.fits.tangents import jacobian_at, steps_for, tangents
 from femnl.fits.triangle import Triangle
 from femnl.observe.extended import ExtendedModel
@@ -48,6 +49,9 @@ def minimise(
 ) -> tuple[Array, Array]:
     """Return the minimum and the steps at which tangents are taken there.
 
+    On the way derivatives are carried on from place to place. A way worth more that ends with such
+    ones goes on with differences, until these gain nothing.
+
     Args: as `recalled`.
 
     Raises: FloatingPointError where it would begin at numbers that are not finite.
@@ -77,8 +81,18 @@ def minimise(
             **options,
         )
 
-    creeping = _Creeping(len(at[data.chosen]), worth)
-    found = solve(start_part, method="trf", max_nfev=most, callback=creeping)
+    def descended(part: Array, most: int) -> OptimizeResult:
+        creeping = _Creeping(len(at[data.chosen]), worth)
+        return solve(part, method="trf", max_nfev=most, callback=creeping)
+
+    found = descended(start_part, most)
+    left = most - found.nfev
+    gains = most > ROUGH
+    while gains and left > 0 and 2 * found.cost < worth and data.renew(found.x, steps):
+        again = descended(found.x, left)
+        left -= again.nfev
+        gains = again.cost < (1 - FTOL) * found.cost
+        found = again
     part = model.part_of_range(data.straight(found.x))
     pushed = _pushed(found, part)
     if most > ROUGH and pushed.any():
@@ -109,6 +123,8 @@ class _Data:
         # Of the latest place: slopes are asked for where residuals have just been
         self._residuals: dict[bytes, Array] = {}
         self._slopes: dict[bytes, Array] = {}
+        self._last: Place | None = None
+        self._by_differences = False
 
     def place(self, part: Array) -> Array:
         """Return the parameters (p,) at parts of their ranges."""
@@ -151,9 +167,26 @@ class _Data:
         return float(1 / np.copysign(max(abs(left), LEAST), left)), slopes
 
     def know(self, vector: Array, residuals: Array, slopes: Array) -> None:
-        """Keep all residuals of the latest place, and their derivatives by the parameters."""
+        """Keep all residuals of the latest place, and their derivatives by the parameters.
+
+        These are such by differences.
+        """
         self._residuals = {vector.tobytes(): residuals}
-        self._slopes = {vector.tobytes(): slopes}
+        self._keep(Place(vector, residuals, slopes), by_differences=True)
+
+    def renew(self, part: Array, steps: Array) -> bool:
+        """Take derivatives by differences at a place, and say whether there were none."""
+        if self._by_differences:
+            return False
+        vector = self.place(part)
+        at = self._known(vector)
+        self.know(vector, at, jacobian_at(self._model, vector, at, steps))
+        return True
+
+    def _keep(self, place: Place, by_differences: bool) -> None:
+        self._slopes = {place.vector.tobytes(): place.slopes}
+        self._last = place
+        self._by_differences = by_differences
 
     def residuals(self, part: Array) -> Array:
         """Return the residuals (n,) that are fitted."""
@@ -165,7 +198,9 @@ class _Data:
         key = vector.tobytes()
         if key not in self._slopes:
             at = self._known(vector)
-            self._slopes = {key: jacobian_at(self._model, vector, at, steps)}
+            found = None if self._last is None else carried_on(self._last, vector, at)
+            slopes = jacobian_at(self._model, vector, at, steps) if found is None else found
+            self._keep(Place(vector, at, slopes), by_differences=found is None)
         return self._straightened(self._slopes[key], vector)[self.chosen] * self._width
 
     def _known(self, vector: Array) -> Array:

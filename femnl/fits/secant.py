@@ -1,0 +1,42 @@
+"""Derivatives of residuals at a new place, told by the step that led there."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from femnl.core.readout import Array
+
+STRAIGHT = 0.02
+"""Part of the change of the residuals that derivatives may miss to be carried on."""
+MANY = 200
+"""Residuals from which on an evaluation costs more than carrying derivatives on."""
+
+
+class Place(NamedTuple):
+    """Parameters (p,), the residuals (n,) there and their derivatives (n, p)."""
+
+    vector: Array
+    residuals: Array
+    slopes: Array
+
+
+def carried_on(last: Place, vector: Array, residuals: Array) -> Array | None:
+    """Return derivatives (n, p) at a new place, which follow from those at the last one.
+
+    J + (Δr − J s) (Ws)ᵀ/(sᵀWs) changes J least such that the step s makes the change Δr of the
+    residuals (C. G. Broyden, Math. Comput. 19, 577 (1965)). W, the squares of the columns of J,
+    makes parameters of any units comparable.
+
+    Args: last: the last place. vector, residuals: at the new one.
+    Returns: None where the residuals changed otherwise than by J s, or are few.
+    """
+    step = vector - last.vector
+    change = residuals - last.residuals
+    size = np.linalg.norm(change)
+    if len(residuals) < MANY or size == 0:
+        return None
+    missed = change - last.slopes @ step
+    if not np.linalg.norm(missed) <= STRAIGHT * size:
+        return None
+    weighed = np.einsum("ij,ij->j", last.slopes, last.slopes) * step
+    return np.asarray(last.slopes + np.outer(missed, weighed / (weighed @ step)))

@@ -1,0 +1,120 @@
+"""Derivatives that are carried on spare evaluations and lead a fit to the same minimum."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.readout import Array
+from femnl.fits import minimise as fits
+from femnl.fits import secant
+from femnl.fits.secant import MANY, STRAIGHT, Place, carried_on
+from femnl.fits.tangents import jacobian_at, steps_for
+from femnl.observe.extended import ExtendedModel
+from tests.unit.level import Level
+
+N = 400
+X = np.linspace(-1, 1, N)
+SEED = 11
+RNG = np.random.default_rng(SEED)
+SLOPES = RNG.standard_normal((N, 3)) * (1.0, 1e-6, 1e6)
+HERE = np.array([1.0, 2e6, -3e-6])
+THERE = HERE + (0.1, -2e5, 4e-7)
+
+
+def test_along_a_line_derivatives_stay() -> None:
+    last = Place(HERE, SLOPES @ HERE, SLOPES)
+    found = carried_on(last, THERE, SLOPES @ THERE)
+    assert found is not None
+    np.testing.assert_allclose(found * HERE, SLOPES * HERE, atol=1e-9)
+
+
+def test_carried_on_they_give_the_change_that_a_step_made_whatever_the_units() -> None:
+    """Those of other units are the same ones, and nothing changes across the step."""
+    bent = SLOPES @ THERE + 0.9 * STRAIGHT * np.linalg.norm(SLOPES @ (THERE - HERE)) / N**0.5
+    found = carried_on(Place(HERE, SLOPES @ HERE, SLOPES), THERE, bent)
+    assert found is not None
+    np.testing.assert_allclose(found @ (THERE - HERE), bent - SLOPES @ HERE, atol=1e-8)
+    units = np.array([1e3, 1e-6, 1e6])
+    other = Place(HERE / units, SLOPES @ HERE, SLOPES * units)
+    in_units = carried_on(other, THERE / units, bent)
+    assert in_units is not None
+    np.testing.assert_allclose(in_units, found * units, rtol=1e-9, atol=1e-9 * abs(in_units).max())
+    weight = np.sum(SLOPES**2, axis=0) * (THERE - HERE)
+    across = np.array([weight[1], -weight[0], 0.0]) / abs(weight).max()
+    np.testing.assert_allclose(
+        found @ across, SLOPES @ across, atol=1e-8 * abs(SLOPES @ across).max()
+    )
+
+
+@pytest.mark.parametrize(
+    ("rows", "bend"), [(MANY - 1, 0.0), (N, 1.1), (N, np.nan)], ids=["few", "bent", "no number"]
+)
+def test_they_are_not_carried_on(rows: int, bend: float) -> None:
+    slopes = SLOPES[:rows]
+    step = np.linalg.norm(slopes @ (THERE - HERE))
+    residuals = slopes @ THERE + bend * STRAIGHT * step / rows**0.5
+    assert carried_on(Place(HERE, slopes @ HERE, slopes), THERE, residuals) is None
+
+
+def test_where_nothing_changed_they_are_not_carried_on() -> None:
+    at = SLOPES @ HERE
+    assert carried_on(Place(HERE, at, SLOPES), HERE, at) is None
+
+
+def bump(value: Array, values: Values) -> Array:
+    """Something of a size, at a place, of a width."""
+    return np.asarray(
+        value + values["size"] * np.exp(-(((X - values["place"]) / values["width"]) ** 2))
+    )
+
+
+BUMP = Effect(
+    "bump",
+    "",
+    (
+        ParameterSpec("size", "1", -500.0, 500.0),
+        ParameterSpec("place", "1", -1, 1, False),
+        ParameterSpec("width", "1", 0.05, 1, False),
+    ),
+    {"placement": bump},
+    "",
+    "",
+    "",
+)
+UNKNOWN = 60 * np.sin(9 * X) + RNG.standard_normal(N)
+MISFIT = ExtendedModel(
+    Level(
+        bump(np.full(N, 1.0), {"size": 200.0, "place": 0.2, "width": 0.3}) + UNKNOWN,
+        np.arange(N) * 4 // N,
+        500.0,
+    ),
+    (BUMP,),
+)
+START = np.array([0.0, 150.0, 0.1, 0.4])
+
+
+def test_beside_a_large_misfit_a_fit_ends_where_differences_lead_with_fewer_of_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    taken = []
+
+    def counted(model: ExtendedModel, vector: Array, at: Array, steps: Array) -> Array:
+        taken[-1] += 1
+        return jacobian_at(model, vector, at, steps)
+
+    monkeypatch.setattr(fits, "jacobian_at", counted)
+    reached = []
+    for straight in (STRAIGHT, -1.0):
+        monkeypatch.setattr(secant, "STRAIGHT", straight)
+        taken.append(0)
+        end, _ = fits.minimise(MISFIT, START, None, 100, steps_for(MISFIT, np.zeros(4)))
+        reached.append(float(np.sum(MISFIT.residuals(end) ** 2)))
+    low, high = MISFIT.bounds
+    direct = least_squares(
+        MISFIT.residuals, START, bounds=(low, high), x_scale="jac", xtol=1e-14, ftol=1e-14
+    )
+    assert 2 * direct.cost > 100 * N
+    np.testing.assert_allclose(reached, 2 * direct.cost, rtol=1e-6)
+    carried, by_differences = taken
+    assert carried < by_differences
