@@ -1,6 +1,6 @@
 """Score tests of a physical cause: what it does at small strength, in each of its shapes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
@@ -41,12 +41,13 @@ def effect_tests(
     effect: Effect,
     base: Values,
     values: Sequence[Values],
-    shapes: Mapping[str, Values] | None,
+    shapes: Sequence[Values] | None,
 ) -> list[ScoreTest]:
     """Return the tests of an effect at small strength, one for each of its shapes that shows.
 
     Args: own: orthonormal tangents (n, p) of the model. base, values: the parameters of the base
-        model and of the model's effects, at which the effect is tried. shapes: as `score_tests`.
+        model and of the model's effects, at which the effect is tried. shapes: those that are
+        tried; by default they are spread over what is possible.
     """
     wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     low, high = wider.bounds
@@ -61,7 +62,10 @@ def effect_tests(
     steps = {one.spec.name: 1e-6 * one.high for one in strengths}
     found = []
     shaping = [one for one in ranges if not one.spec.strength]
-    tried = _trial_shapes(shaping) if shapes is None else [_shape_of(shaping, shapes[effect.name])]
+    if shapes is None:
+        tried = _trial_shapes(shaping)
+    else:
+        tried = [_shape_of(shaping, shape) for shape in shapes]
     none = {one.spec.name: 0.0 for one in strengths}
     # An effect may lead to another summation, which rounds otherwise than the model without it
     at_zero = wider.residuals(wider.pack(base, [*values, {**tried[0], **none}]))

@@ -48,9 +48,12 @@ class ScoreTest:
             if spec.whole
         ]
 
-    def without_basis(self) -> "ScoreTest":
-        """Return the same test without its directions, which take all of its memory."""
-        return replace(self, basis=np.empty((0, self.basis.shape[1]), self.basis.dtype))
+    def without_basis(self, count: int) -> "ScoreTest":
+        """Return the same test without its directions, which take all of its memory.
+
+        Args: count: residuals of which it is one test, of all data or of a part of them.
+        """
+        return replace(self, basis=np.empty((0, count), self.basis.dtype))
 
 
 def stored(basis: Array) -> NDArray[np.floating]:

@@ -1,6 +1,6 @@
 """Score tests: the causes and patterns to which the residuals of a fit point."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from femnl.core.effect import Effect, Values
 from femnl.core.readout import Array
 from femnl.diagnose.effect_tests import effect_tests
+from femnl.diagnose.part_of_data import in_part
 from femnl.diagnose.score_test import ScoreTest, basis_of, left_beside, stored
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run, in_turn
@@ -38,11 +39,13 @@ def score_tests(
     Args: shapes: by name of each effect, values of its parameters; each is tested in this one
         shape. By default it is tested in all trial shapes. patterns: whether patterns are tested.
         starts_alone: whether only those tests keep their directions from which fits of an effect
-        would start; of a large map all take a fifth of a gigabyte. run: tests effects side by side.
+        would start, among all trial shapes; of a large map all take a fifth of a gigabyte. Of many
+        data a part tells which these are, and only they are tested on all. run: tests effects side
+        by side.
     """
     if not library and not patterns:
         return []
-    own, _ = np.linalg.qr(result.jacobian[:, result.free])
+    own = _own_tangents(result)
     found = _of_patterns(result, own) if patterns else []
     base_model = result.model.base_model
     base, values = result.model.split(result.vector)
@@ -51,11 +54,16 @@ def score_tests(
         for other in base_model.equivalent_solutions(base)
         if _same(result, result.model.pack(other, values))
     ]
+    test: Callable[[Effect], list[ScoreTest]]
+    if starts_alone:
+        part = in_part(result)
+        of_part = own if part is result else _own_tangents(part)
+        test = partial(_starts, result, own, part, of_part, others)
+    else:
+        only = {name: [shape] for name, shape in shapes.items()} if shapes is not None else None
+        test = partial(_of_effect, result, own, others, only)
     jobs = [
-        Job(
-            f"{base_model.kind}: testing {effect.name}",
-            partial(_of_effect, result, own, effect, others, shapes, starts_alone),
-        )
+        Job(f"{base_model.kind}: testing {effect.name}", partial(test, effect))
         for effect in library
         if effect.has_strength
     ]
@@ -78,29 +86,55 @@ def _of_patterns(result: FitResult, own: Array) -> list[ScoreTest]:
     return found
 
 
+def _own_tangents(result: FitResult) -> Array:
+    """Return orthonormal tangents (n, p) of a model at its solution."""
+    return np.asarray(np.linalg.qr(result.jacobian[:, result.free])[0])
+
+
 def _of_effect(
     result: FitResult,
     own: Array,
-    effect: Effect,
     others: Sequence[Values],
-    shapes: Mapping[str, Values] | None,
-    starts_alone: bool,
+    only: Mapping[str, Sequence[Values]] | None,
+    effect: Effect,
 ) -> list[ScoreTest]:
     """Return the tests of an effect at the solution, and what is new at others.
 
-    Args: own, shapes: as `effect_tests`. others: parameters of the base model that predict the
-        same. starts_alone: as `score_tests`.
+    Args: own: orthonormal tangents (n, p) of the model. others: parameters of the base model that
+        predict the same. only: by name of each effect, the shapes that are tested.
     """
     base, values = result.model.split(result.vector)
+    shapes = None if only is None else only[effect.name]
     here = effect_tests(result, own, effect, base, values, shapes)
     found = list(here)
     for other in others:
         there = effect_tests(result, own, effect, other, values, shapes)
         found += [test for test in there if not _is_among(test, here)]
-    if not starts_alone:
-        return found
-    starts = set(map(id, unlike(promising(result, found))))
-    return [test if id(test) in starts else test.without_basis() for test in found]
+    return found
+
+
+def _starts(
+    result: FitResult,
+    own: Array,
+    part: FitResult,
+    of_part: Array,
+    others: Sequence[Values],
+    effect: Effect,
+) -> list[ScoreTest]:
+    """Return the tests of an effect; those from which its fits would not start have no directions.
+
+    Args: own, others: as `_of_effect`. part, of_part: the fit and its tangents as seen by the part
+        of the data that chooses the starts; they alone are tested on all data.
+    """
+    found = _of_effect(part, of_part, others, None, effect)
+    starts = unlike(promising(part, found))
+    chosen = set(map(id, starts))
+    left = [test.without_basis(len(result.residuals)) for test in found if id(test) not in chosen]
+    if part is result or not starts:
+        return [*starts, *left]
+    shaping = [spec.name for spec in effect.parameters if not spec.strength]
+    shapes = {tuple(test.values[name] for name in shaping): test.values for test in starts}
+    return [*_of_effect(result, own, others, {effect.name: [*shapes.values()]}, effect), *left]
 
 
 def _is_among(test: ScoreTest, others: list[ScoreTest]) -> bool:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from femnl.core.readout import Array
 from femnl.device.geometry import load
 from femnl.diagnose.multistart import extended
 from femnl.diagnose.part_of_data import best_in_all, in_part
+from femnl.diagnose.score_tests import promising, score_tests, unlike
 from femnl.diagnose.search import search
 from femnl.effects import library
 from femnl.fits.least_squares import fit
@@ -115,6 +117,37 @@ def test_of_fits_to_a_part_the_one_that_all_data_prefer_goes_on() -> None:
     far = replace(part, vector=part.vector * np.array([1.2, 1, 1, 1, 1, 1]))
     found = best_in_all([far, part], base)
     assert found.chi2 == pytest.approx(base.chi2, rel=1e-6)
+
+
+def test_a_part_of_the_data_tells_which_shapes_of_a_cause_are_tested_on_all_of_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They gain what the best of all shapes do, with a few of the tests of all data."""
+    model = wide()
+    base = fit(ExtendedModel(model), np.array([BASE[spec.name] for spec in model.base]))
+    shaped = [library()[name] for name in ("doublet", "resonance_drift")]
+    every = score_tests(base, shaped)
+    predicted: list[int] = []
+    predict = MapModel.predict
+
+    def counted(self: MapModel, *args: Any) -> Any:
+        predicted[-1] += self.step == 1
+        return predict(self, *args)
+
+    monkeypatch.setattr(MapModel, "predict", counted)
+    few = []
+    for starts_alone in (False, True):
+        predicted.append(0)
+        few = score_tests(base, shaped, starts_alone=starts_alone)
+    assert predicted[1] < predicted[0] / 4
+    assert len(few) >= len(every)
+    for effect in shaped:
+        best, led = (
+            unlike([test for test in promising(base, found) if test.effect is effect])
+            for found in (every, few)
+        )
+        assert led[0].basis.shape[1] == len(base.residuals)
+        assert led[0].gain > 0.95 * best[0].gain > 100
 
 
 N = 400

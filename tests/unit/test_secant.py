@@ -19,7 +19,7 @@ SEED = 11
 RNG = np.random.default_rng(SEED)
 SLOPES = RNG.standard_normal((N, 3)) * (1.0, 1e-6, 1e6)
 HERE = np.array([1.0, 2e6, -3e-6])
-THERE = HERE + (0.1, -2e5, 4e-7)
+THERE = HERE + np.array([0.1, -2e5, 4e-7])
 
 
 def test_along_a_line_derivatives_stay() -> None:
@@ -97,7 +97,7 @@ START = np.array([0.0, 150.0, 0.1, 0.4])
 def test_beside_a_large_misfit_a_fit_ends_where_differences_lead_with_fewer_of_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    taken = []
+    taken: list[int] = []
 
     def counted(model: ExtendedModel, vector: Array, at: Array, steps: Array) -> Array:
         taken[-1] += 1
