@@ -166,7 +166,7 @@ def names_of(result: FitResult, *more: Effect) -> Names:
 
 def job(doing: str, names: Names, result: FitResult, find: Callable[[], T]) -> Job[T]:
     """Return a job on one model, and the line of progress that names it."""
-    return Job(f"{result.model.base_model.kind}: {doing} {' + '.join(names)}", find)
+    return Job(f"{result.model.base_model.kind}: {doing} {' + '.join(names)}", find, names)
 
 
 def predict_held_out(results: Iterable[FitResult], run: Run) -> None:

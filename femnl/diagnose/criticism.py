@@ -66,15 +66,18 @@ def glance(result: FitResult, library: list[Effect], first: FirstTests) -> Candi
 def looked_at(candidate: Candidate, library: list[Effect], whole: bool) -> Candidate:
     """Return a set with what its residuals point to.
 
-    Args: whole: whether all data are asked; else a part of them is, where they are many, and a set
-        that was refuted stays so.
+    Where data are many, a set that was refuted stays so.
+
+    Args: whole: whether all data are asked; else a part of them is, where they are many.
     """
-    part = candidate.result if whole else in_part(candidate.result)
-    if part is candidate.result:
-        return criticise(part, library) if candidate.pointers is None else candidate
-    others = _others(part, library)
-    pointers = tuple(_pointers(part, score_tests(part, others), others))
-    return replace(candidate, pointers=pointers)
+    result = candidate.result
+    many = result.model.base_model.thinned is not None
+    if not many or (whole and not is_refuted(result, MANY)):
+        return criticise(result, library) if candidate.pointers is None else candidate
+    seen = result if whole else in_part(result)
+    others = _others(seen, library)
+    tests = score_tests(seen, others, patterns=False, starts_alone=whole)
+    return replace(candidate, pointers=tuple(_pointers(seen, tests, others)))
 
 
 def _refuted(result: FitResult, others: list[Effect], first: FirstTests) -> Candidate | None:

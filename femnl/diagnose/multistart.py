@@ -36,16 +36,13 @@ nearer to zero, by a third.
 """
 
 
-def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) -> FitResult:
-    """Fit with one more effect, from where score tests point.
+def extended(whole: FitResult, effect: Effect, shapes: list[dict[str, float]]) -> list[FitResult]:
+    """Fit a part of the data with one more effect, from where score tests point.
 
-    A start goes as far towards that as is no worse than without the effect.
+    A start goes as far towards that as is no worse than without the effect. Where data are few, the
+    part is all of them; else `best_in_all` goes on.
     """
-    return best_in_all(_extended(in_part(result), effect, shapes), result)
-
-
-def _extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) -> list[FitResult]:
-    """Return the fits of `extended`."""
+    result = in_part(whole)
     _, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     starts = []
@@ -167,17 +164,12 @@ def _from_equivalents(
     ]
 
 
-def replaced(result: FitResult, effect: Effect) -> FitResult | None:
-    """Fit with an effect without a strength, from the best of places all over its priors.
+def replaced(whole: FitResult, effect: Effect) -> list[FitResult]:
+    """Fit a part of the data with an effect without a strength, from all over its priors.
 
-    The result is None where all of them leave absurdly much.
+    There is none where all starts leave absurdly much.
     """
-    found = _replaced(in_part(result), effect)
-    return best_in_all(found, result) if found else None
-
-
-def _replaced(result: FitResult, effect: Effect) -> list[FitResult]:
-    """Return the fits of `replaced`."""
+    result = in_part(whole)
     base, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     lowest: list[Array] = []

@@ -33,18 +33,19 @@ def in_part(result: FitResult) -> FitResult:
 def best_in_all(found: Iterable[FitResult], near: FitResult) -> FitResult:
     """Return a fit to all data, begun where the fit to a part of them ended that leaves them least.
 
-    Args: found: fits of one model to the part that `in_part` gives of `near`, or to all data where
-        that is `near` itself. near: a fit to all data, whose steps suit the parameters.
+    Args: found: fits with the same effects to the part that `in_part` gives of `near`, or to all
+        data where that is `near` itself. near: a fit to all data, whose steps suit the parameters.
     """
     fits = list(found)
     if near.model.base_model.thinned is None:
         return min(fits, key=lambda one: one.chi2)
-    whole = ExtendedModel(near.model.base_model, fits[0].model.effects)
-    start = min(
-        (one.vector for one in fits), key=lambda vector: float(np.sum(whole.residuals(vector) ** 2))
-    )
+
+    def in_all(one: FitResult) -> ExtendedModel:
+        return ExtendedModel(near.model.base_model, one.model.effects)
+
+    best = min(fits, key=lambda one: float(np.sum(in_all(one).residuals(one.vector) ** 2)))
     # A cause that does hardly anything leaves valleys along which a fit creeps for long, and so do
     # two that do nearly the same beside a misfit
     n = len(near.residuals)
     worth = min(near.chi2 - THRESHOLDS.least_taken, n + RULED_OUT * (2 * n) ** 0.5)
-    return fit(whole, start, near=near, worth=worth)
+    return fit(in_all(best), best.vector, near=near, worth=worth)

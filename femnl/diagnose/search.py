@@ -24,6 +24,7 @@ from femnl.diagnose.multistart import (
     sought_again,
 )
 from femnl.diagnose.other_valleys import sought_beyond
+from femnl.diagnose.part_of_data import best_in_all
 from femnl.diagnose.search_rules import (
     falls_short,
     leaves_other_noise,
@@ -152,7 +153,7 @@ def _grown(
     grown: dict[Names, Candidate] = {}
     done = list[Candidate]()
     while parents:
-        grown = _kept(grown, run(_growing(parents, library)), found, library, run)
+        grown = _kept(grown, _fitted(parents, library, run), found, library, run)
         done += parents
         parents = []
         if size == PAIR and (needs_global_search(found) or settled(grown)):
@@ -253,27 +254,47 @@ def _kept(
     return grown | plain | {c.names: c for c in seen}
 
 
-def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:
-    """Return the fits of each parent's model with one more effect that its residuals point to.
+def _fitted(parents: list[Candidate], library: list[Effect], run: Run) -> list[FitResult]:
+    """Fit each parent's model with one more effect that its residuals point to.
 
-    Sets that would be saturated are left out.
+    A part of many data leads to one fit to all of them for each set, whichever parents led to it.
     """
-    jobs: list[Job[FitResult | None]] = []
-    for parent in parents:
-        result = parent.result
-        for pointer in parent.pointers or ():
-            if not saturates(result, pointer.effect):
-                find = partial(extended, result, pointer.effect, list(pointer.shapes))
-                jobs.append(job("trying", names_of(result, pointer.effect), result, find))
-        others = [
-            e
-            for e in library
-            if e.name not in parent.names and not e.has_strength and not saturates(result, e)
+    trying = [(parent.result, one) for parent in parents for one in _growing(parent, library)]
+    tried = run([one for _, one in trying])
+    if parents[0].result.model.base_model.thinned is None:
+        return [result for fits in tried for result in fits]
+    begun: dict[Names, list[FitResult]] = {}
+    near: dict[Names, FitResult] = {}
+    for (parent, _), fits in zip(trying, tried, strict=True):
+        for result in fits:
+            names = names_of(result)
+            begun.setdefault(names, []).append(result)
+            near[names] = min(near.get(names, parent), parent, key=lambda one: one.chi2)
+    return run(
+        [
+            job("fitting", names, near[names], partial(best_in_all, fits, near[names]))
+            for names, fits in begun.items()
         ]
-        jobs += [
-            job("trying", names_of(result, e), result, partial(replaced, result, e)) for e in others
-        ]
-    return jobs
+    )
+
+
+def _growing(parent: Candidate, library: list[Effect]) -> list[Job[list[FitResult]]]:
+    """Return the jobs that fit a part of many data; saturated sets are left out."""
+    result = parent.result
+    finds = [
+        (pointer.effect, partial(extended, result, pointer.effect, list(pointer.shapes)))
+        for pointer in parent.pointers or ()
+    ]
+    finds += [
+        (effect, partial(replaced, result, effect))
+        for effect in library
+        if effect.name not in parent.names and not effect.has_strength
+    ]
+    return [
+        job("trying", names_of(result, effect), result, find)
+        for effect, find in finds
+        if not saturates(result, effect)
+    ]
 
 
 def _seeking(candidates: list[Candidate]) -> list[Job[FitResult | None]]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femnl.core.diagnosis import Verdict
-from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.candidate import Candidate, Names, predict_held_out
 from femnl.diagnose.rivals import CLEARLY, EVEN, equals
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.weighing import Weighed
@@ -248,6 +248,7 @@ def _takes_up_most(candidate: Candidate, weighed: Weighed) -> bool:
     The α of a simulated film is a block of its own, but hardly counts beside a sweep. What a set
     does not touch, as another measurement of the file, does not count.
     """
+    predict_held_out([weighed.base.result, candidate.result], weighed.run)
     before = weighed.base.result.cross_validation
     after = candidate.result.cross_validation
     sizes = np.array(before.sizes)

@@ -13,6 +13,7 @@ from io import BytesIO
 from multiprocessing.connection import Connection
 from pathlib import Path
 from pickle import Pickler, Unpickler
+from time import perf_counter
 from typing import Any, Generic, TypeVar
 
 from femnl.core.checkpoint import Checkpoint, Found, Share
@@ -37,10 +38,14 @@ end.
 
 @dataclass(frozen=True)
 class Job(Generic[T]):
-    """Something to find, and the line of progress that says so."""
+    """Something to find, and the line of progress that says so.
+
+    causes: those of the set that it is about.
+    """
 
     says: str
     find: Callable[[], T]
+    causes: tuple[str, ...] = ()
 
     def done(self) -> T:
         """Say it and find it."""
@@ -109,19 +114,24 @@ class Problem:
         self._helpers = helpers
         self._checkpoint = checkpoint
         self._fits: deque[tuple[str, Found]] = deque()
+        self._lasted: dict[str, float] = {}
         for helper in helpers:
             helper.turn_to(pose)
 
     def run(self, jobs: Sequence[Job[T]]) -> list[T]:
-        """Do all jobs; return what they find, in their order."""
+        """Do all jobs; return what they find, in their order.
+
+        Those that may last longest are begun first, lest all wait for the last one.
+        """
         if not self._helpers or len(jobs) < 2:
             return in_turn(jobs)
-        todo = deque(enumerate(jobs))
+        todo = deque(sorted(enumerate(jobs), key=lambda its: -self._expected(its[1])))
         found = dict[int, T]()
         while todo:  # again, where a helper ended over its job
             with self._fed(todo, found):
                 while (mine := _next(todo.popleft)) is not None:
-                    found[mine[0]] = mine[1].done()
+                    with self._timed(mine[1]):
+                        found[mine[0]] = mine[1].done()
                     self._keep()
             self._keep()
             for helper in [helper for helper in self._helpers if helper.dead]:
@@ -131,6 +141,17 @@ class Problem:
                 )
                 self._helpers.remove(helper)
         return [found[i] for i in range(len(jobs))]
+
+    def _expected(self, job: Job[Any]) -> float:
+        """Return how long [s] a job may last: as the latest about one of its causes alone."""
+        return max((self._lasted.get(cause, 0.0) for cause in job.causes), default=0.0)
+
+    @contextmanager
+    def _timed(self, job: Job[Any]) -> Iterator[None]:
+        begin = perf_counter()
+        yield
+        if len(job.causes) == 1:
+            self._lasted[job.causes[0]] = perf_counter() - begin
 
     @contextmanager
     def _fed(self, todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]) -> Iterator[None]:
@@ -150,14 +171,15 @@ class Problem:
     def _feed(
         self, helper: "_Helper", todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]
     ) -> None:
-        """Let a helper do jobs from the end of the list."""
+        """Let a helper do jobs."""
         helper.turn_to(self._pose)
         while todo and not helper.dead:
-            if helper.ready(SOON) and (its := _next(todo.pop)) is not None:
+            if helper.ready(SOON) and (its := _next(todo.popleft)) is not None:
                 PROGRESS.info(its[1].says)
-                answered = helper.ask(self._names.packed(its[1].find))
+                with self._timed(its[1]):
+                    answered = helper.ask(self._names.packed(its[1].find))
                 if answered is None:
-                    todo.append(its)
+                    todo.appendleft(its)
                 else:
                     found[its[0]], fits = self._names.unpacked(answered)
                     self._fits.extend(fits)
@@ -239,8 +261,10 @@ class _Names:
 
     def __init__(self, posed: Posed, checkpoint: Checkpoint | None) -> None:
         base_model, effects = posed
+        thin = base_model.thinned
         self._things: dict[str, object] = {
             "base_model": base_model,
+            "part of base_model": None if thin is None else thin.model,
             "checkpoint": checkpoint,
             **{f"effect {effect.name}": effect for effect in effects},
         }

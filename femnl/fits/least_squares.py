@@ -210,7 +210,10 @@ def fit(
     if near is not None:
         checkpoint = near.checkpoint
     asked = (keep, most, worth)
-    end, steps = recalled(model, start, asked, _first_steps(model, near), checkpoint)
+    first = _first_steps(model, near)
+    begun = near is not None and model is near.model and np.array_equal(start, near.vector)
+    known = near.jacobian if near is not None and begun else None
+    end, steps = recalled(model, start, asked, first, checkpoint, known)
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
@@ -277,7 +280,7 @@ def held_out(result: FitResult, most: int) -> float:
     for block in np.unique(blocks[blocks >= 0]):
         asked = (blocks != block, most, np.inf)
         first = _first_steps(model, result)
-        end, _ = recalled(model, result.vector, asked, first, result.checkpoint)
+        end, _ = recalled(model, result.vector, asked, first, result.checkpoint, result.jacobian)
         square += float(np.sum(model.residuals(end)[blocks == block] ** 2))
     return square / int(np.sum(blocks >= 0))
 

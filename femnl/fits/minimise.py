@@ -45,7 +45,9 @@ def minimise(
     keep: NDArray[np.bool_] | None,
     most: int,
     first: Array,
+    *,
     worth: float = np.inf,
+    known: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return the minimum and the steps at which tangents are taken there.
 
@@ -64,7 +66,7 @@ def minimise(
     data = _Data(model, slice(None) if keep is None else keep, start)
     vector = data.place(start_part)
     at = model.residuals(vector)
-    steps, slopes = tangents(model, vector, at, first)
+    steps, slopes = (first, known) if known is not None else tangents(model, vector, at, first)
     data.know(vector, at, slopes)
 
     def solve(part: Array, **options: Any) -> OptimizeResult:

@@ -1,6 +1,7 @@
 """Fits that a checkpoint keeps, by all that they depend on."""
 
 import hashlib
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +18,18 @@ def recalled(
     asked: tuple[NDArray[np.bool_] | None, int, float],
     first: Array,
     checkpoint: Checkpoint | None,
+    known: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return what the checkpoint keeps of a fit, or make it.
 
     asked: residuals to fit, most evaluations, and what χ² is worth them, see `fit`. first (p,):
-    steps at the start.
+    steps at the start. known (n, p): derivatives there, where they are known.
     """
     keep, most, worth = asked
+    make = partial(minimise, model, start, keep, most, first, worth=worth, known=known)
     if checkpoint is None:
-        return minimise(model, start, keep, most, first, worth)
-    return checkpoint.recall(
-        _key(model, start, asked, first), lambda: minimise(model, start, keep, most, first, worth)
-    )
+        return make()
+    return checkpoint.recall(_key(model, start, asked, first, known is not None), make)
 
 
 def _key(
@@ -36,6 +37,7 @@ def _key(
     start: Array,
     asked: tuple[NDArray[np.bool_] | None, int, float],
     first: Array,
+    slopes_known: bool,
 ) -> str:
     """Name a fit by all that it depends on beside the file.
 
@@ -49,6 +51,7 @@ def _key(
                 [effect.equation for effect in model.effects],
                 model.base_model.variant,
                 *ends,
+                slopes_known,
             )
         ).encode()
     )

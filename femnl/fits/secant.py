@@ -39,4 +39,5 @@ def carried_on(last: Place, vector: Array, residuals: Array) -> Array | None:
     if not np.linalg.norm(missed) <= STRAIGHT * size:
         return None
     weighed = np.einsum("ij,ij->j", last.slopes, last.slopes) * step
-    return np.asarray(last.slopes + np.outer(missed, weighed / (weighed @ step)))
+    # Of columns that lie side by side, as those by differences
+    return np.asarray(last.slopes + np.outer(weighed / (weighed @ step), missed).T)

@@ -17,6 +17,7 @@ from typing import Any
 from femnl.core.effect import UNKNOWN
 from femnl.diagnose.criticism import criticise
 from femnl.diagnose.multistart import extended, replaced
+from femnl.diagnose.part_of_data import best_in_all
 from femnl.diagnose.posing import Posing
 from femnl.diagnose.sent import sent
 from femnl.effects import library
@@ -63,9 +64,9 @@ def taken(path: Path) -> tuple[str, dict[str, float]]:
     if first.chi2 - first.degrees < LEAST:
         return model.kind, {}
     pointers = criticise(first, effects).pointers or ()
-    found = {p.effect.name: extended(first, p.effect, list(p.shapes)) for p in pointers}
-    others = {e.name: replaced(first, e) for e in effects if not e.has_strength}
-    fits = found | {name: one for name, one in others.items() if one is not None}
+    begun = {p.effect.name: extended(first, p.effect, list(p.shapes)) for p in pointers}
+    begun |= {e.name: replaced(first, e) for e in effects if not e.has_strength}
+    fits = {name: best_in_all(found, first) for name, found in begun.items() if found}
     least = min([first.chi2, *(_without(first, one).chi2 for one in fits.values())])
     excess = least - first.degrees
     if excess < LEAST:

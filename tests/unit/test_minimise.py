@@ -82,7 +82,9 @@ def test_a_fit_that_is_not_worth_more_ends_in_a_slow_valley() -> None:
     left = [
         float(np.sum(model.residuals(end) ** 2))
         for worth in (np.inf, 1e-6)
-        for end, _ in [minimise(model, start, None, 100, steps_for(model, np.zeros(3)), worth)]
+        for end, _ in [
+            minimise(model, start, None, 100, steps_for(model, np.zeros(3)), worth=worth)
+        ]
     ]
     assert left[0] < 1e-6
     assert left[1] > 1

@@ -6,6 +6,7 @@ import pytest
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.diagnose.multistart import extended
+from femnl.diagnose.part_of_data import best_in_all
 from femnl.fits.least_squares import fit
 from femnl.observe.extended import ExtendedModel
 from tests.unit.level import Level
@@ -29,6 +30,6 @@ def test_no_start_lies_beyond_the_bound_of_its_side(loss: float) -> None:
     data = 1e3 / (1 + loss * PLACE) + noise
     base = ExtendedModel(Level(data, np.arange(40) // 10, 1e4))
     before = fit(base, base.base_model.start)
-    found = extended(before, WANE, [{"loss": np.sign(loss) * 1e-9}])
+    found = best_in_all(extended(before, WANE, [{"loss": np.sign(loss) * 1e-9}]), before)
     assert found.vector[1] == pytest.approx(loss, rel=0.03)
     assert found.chi2 < 60
