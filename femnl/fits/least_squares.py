@@ -210,10 +210,14 @@ def fit(
     if near is not None:
         checkpoint = near.checkpoint
     asked = (keep, most, worth)
-    first = _first_steps(model, near)
-    begun = near is not None and model is near.model and np.array_equal(start, near.vector)
-    known = near.jacobian if near is not None and begun else None
-    end, steps = recalled(model, start, asked, first, checkpoint, known)
+    end, steps = recalled(model, start, asked, _first_steps(model, near), checkpoint)
+    return _ended(model, end, steps, checkpoint)
+
+
+def _ended(
+    model: ExtendedModel, end: Array, steps: Array, checkpoint: Checkpoint | None
+) -> FitResult:
+    """Return the result of a fit that ended somewhere, with derivatives of the given steps."""
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
@@ -278,11 +282,21 @@ def held_out(result: FitResult, most: int) -> float:
     blocks = result.model.base_model.blocks
     square = 0.0
     for block in np.unique(blocks[blocks >= 0]):
-        asked = (blocks != block, most, np.inf)
-        first = _first_steps(model, result)
-        end, _ = recalled(model, result.vector, asked, first, result.checkpoint, result.jacobian)
+        end, _ = _without(result, blocks == block, most)
         square += float(np.sum(model.residuals(end)[blocks == block] ** 2))
     return square / int(np.sum(blocks >= 0))
+
+
+def _without(result: FitResult, out: NDArray[np.bool_], most: int) -> tuple[Array, Array]:
+    """Return where a fit without some residuals ends, and its steps.
+
+    It begins where that to all of them ended, with the derivatives that are known there.
+    """
+    asked = (~out, most, np.inf)
+    first = _first_steps(result.model, result)
+    return recalled(
+        result.model, result.vector, asked, first, result.checkpoint, known=result.jacobian
+    )
 
 
 def cross_validate(result: FitResult, most: int) -> CrossValidation:
@@ -306,7 +320,7 @@ def cross_validate(result: FitResult, most: int) -> CrossValidation:
     p_values = []
     for block in np.unique(blocks[blocks >= 0]):
         out = blocks == block
-        other = fit(result.model, result.vector, ~out, most, result)
+        other = _ended(result.model, *_without(result, out, most), result.checkpoint)
         seen = other.residuals[~out]
         cross_validation = other.residuals[out]
         known = covariance(other.jacobian[~out], high - low)
