@@ -29,6 +29,10 @@ mislead.
 """
 MUCH = 2.0
 """χ² per degree of freedom from which on an effect is fitted with its other whole numbers, too."""
+GROWTH = 1.5
+"""Factor by which blocks that are fitted become more."""
+AT_END = 1e-3
+"""Part of its range from a bound at which an angle is at it."""
 SEED = 1e-4
 STEPS_BACK = 12
 """Least part of its range at which the fit of a strength starts, and how often a start is brought
@@ -112,6 +116,37 @@ def extended_elsewhere(result: FitResult, effect: Effect) -> FitResult:
             model.pack(far.base, [*earlier, far.values]) for far in scan(there, effect)[:REFINED]
         ]
     return best_in_all(finished(model, starts, part, FAR), result)
+
+
+def followed(result: FitResult, effect: Effect) -> FitResult | None:
+    """Fit with one more effect to the first block, then to ever more, each from the last end.
+
+    So a mode that drifts far is followed from sweep to sweep, from a solution that something hides.
+    There is none where blocks have no order.
+    """
+    order = result.model.base_model.order_of_blocks
+    base, earlier = result.model.split(result.vector)
+    model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
+    none = {spec.name: 0.0 for spec in effect.parameters}
+    found = []
+    for hidden in model.base_model.equivalent_solutions(base) if len(order) else []:
+        vector = model.pack(hidden, [*earlier, none])
+        count = 0
+        while count < len(order):
+            count = max(count + 1, int(GROWTH * count))
+            blocks = model.base_model.blocks
+            keep = (blocks < 0) | np.isin(blocks, order[:count])
+            vector = _turned_over(fit(model, vector, keep, near=result))
+        found.append(fit(model, vector, near=result))
+    return min(found, key=lambda one: one.chi2, default=None)
+
+
+def _turned_over(result: FitResult) -> Array:
+    """Return the parameters with angles that ended at a bound a turn farther, at the other one."""
+    low, high = result.model.bounds
+    part = result.model.part_of_range(result.vector)
+    turns = np.isclose(high - low, 2 * np.pi) & (np.minimum(part, 1 - part) < AT_END)
+    return np.where(turns, np.where(part < 0.5, high, low), result.vector)
 
 
 def _no_worse(

@@ -19,6 +19,7 @@ from femnl.diagnose.extending import partners, to_extend
 from femnl.diagnose.multistart import (
     extended,
     extended_elsewhere,
+    followed,
     replaced,
     seekable_elsewhere,
     sought_again,
@@ -181,6 +182,11 @@ def _sought_anew(
     jobs = _seeking(ranked[:few])
     base = found[0].result
     if size == 0:
+        jobs += [
+            job("following", names_of(base, e), base, partial(followed, base, e))
+            for e in library
+            if "time" in e.needs and len(base.model.base_model.order_of_blocks)
+        ]
         jobs += [
             job("trying elsewhere", names_of(base, e), base, partial(extended_elsewhere, base, e))
             for e in seekable_elsewhere(base, library)

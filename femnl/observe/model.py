@@ -89,6 +89,11 @@ class MeasurementModel(ABC):
         return self
 
     @property
+    def order_of_blocks(self) -> NDArray[np.int64]:
+        """Blocks in the order of their time, where something hides what the first ones show."""
+        return np.empty(0, np.int64)
+
+    @property
     def thinned(self) -> Thinned | None:
         """Part of the data, in which strong causes show as well; None where all are few."""
         return None

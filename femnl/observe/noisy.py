@@ -202,6 +202,11 @@ class NoisyModel(MeasurementModel):
         """Return that of the bare model."""
         return self.bare.systematic(unit)
 
+    @property
+    def order_of_blocks(self) -> NDArray[np.int64]:
+        """That of the bare model."""
+        return self.bare.order_of_blocks
+
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Return those of the bare model."""
         return self.bare.equivalent_solutions(base)

@@ -10,6 +10,7 @@ from femnl.core.fit import Fit
 from femnl.core.readout import Array
 from femnl.fits.response.choice import first_look
 from femnl.fits.response.fit import first_layout, fit_response
+from femnl.fits.response.start import CLEAR
 from femnl.fits.response.tried import ADEQUATE
 from femnl.observe.response.sweeps import collect, first_harmonics
 
@@ -72,11 +73,15 @@ def first_fit(
                 sign = -sign
                 fitted, background, clearest = other
         weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
-        hidden = background > 0 or weak is not None
-        shown = weak or fitted
-        values = {name: shown[name] for name in names}
-        turns = _shown_sign(weak or clearest, names[2])
-        if turns == 0 and np.isfinite(sd := shown.parameters[names[2]].sd):
+        one = None if background > 0 or weak else of_one_sweep(dataset, fitted, sign)
+        shown = one or weak or fitted
+        # That to one sweep knows one place, and stands for all
+        own = {name: name if one is None else name.split("[")[0] for name in names}
+        values = {name: shown[own[name]] for name in names}
+        stiffness = own[names[2]]
+        turns = _shown_sign(one or weak or clearest, stiffness)
+        hidden = background > 0 or shown is not fitted
+        if turns == 0 and np.isfinite(sd := shown.parameters[stiffness].sd):
             values[names[2]] = max(abs(values[names[2]]), sd)
         told = [background, float(hidden), float(turns < 0)]
         return np.array([*values.values(), *told]), np.array([sign])
@@ -120,12 +125,9 @@ def _fitted(
         return best, 0.0, best
     beside, background, resonance = _beside_leak(dataset, sign, place, reference)
     gain = best.chi2_reduced / beside.chi2_reduced
-    away = abs(best["frequency"] - beside["frequency"]) / beside["linewidth"]
-    broader = abs(np.log(best["linewidth"] / beside["linewidth"]))
-    astray = away > ELSEWHERE or broader > np.log(OF_ANOTHER_WIDTH)
     clearest = beside if gain > FAR_BETTER else best
     stronger = background > resonance and gain > FAR_BETTER
-    if stronger or (astray and gain > LED_ASTRAY):
+    if stronger or (_is_astray(best, beside) and gain > LED_ASTRAY):
         return beside, background, clearest
     return best, 0.0, clearest
 
@@ -194,6 +196,34 @@ def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) 
         if alone.chi2_reduced < BENT and sign_of_stiffness:
             return alone if sign_of_stiffness > 0 else None
     return None
+
+
+def of_one_sweep(dataset: xr.Dataset, fitted: Fit, sign: int) -> Fit | None:
+    """Return a fit to the earliest sweep that is clear alone, where all together hide the mode.
+
+    A mode that drifts by more than its width from sweep to sweep looks wide, or is sought where it
+    was late. None where the fit to all may be right, or the sweep agrees with it.
+    """
+    kept, _ = first_harmonics(dataset)
+    if fitted.chi2_reduced < BENT or len(kept) == 1:
+        return None
+    time = dataset["time"].values[kept] if "time" in dataset else kept
+    for row in kept[np.argsort(time, kind="stable")]:
+        part = dataset.isel(sweep=[row])
+        sweeps = collect(part)
+        alone = _without_background(part, sign)
+        inside = sweeps.frequency.min() < alone["frequency"] < sweeps.frequency.max()
+        clear = alone["y_max"] * sweeps.reference > CLEAR * sweeps.noise
+        if alone.chi2_reduced < ADEQUATE and inside and clear:
+            return alone if _is_astray(fitted, alone) else None
+    return None
+
+
+def _is_astray(one: Fit, right: Fit) -> bool:
+    """Whether a fit finds another mode than the right one: elsewhere, or of another width."""
+    away = abs(one["frequency"] - right["frequency"]) / right["linewidth"]
+    broader = abs(np.log(one["linewidth"] / right["linewidth"]))
+    return bool(away > ELSEWHERE or broader > np.log(OF_ANOTHER_WIDTH))
 
 
 def _shown_sign(fitted: Fit, stiffness: str) -> int:

@@ -329,6 +329,14 @@ class ResponseModel(MeasurementModel):
                 found[f"{name} of sweep {k + 1}"] = self._whole(mine) * moved
         return found
 
+    @property
+    def order_of_blocks(self) -> NDArray[np.int64]:
+        """Sweeps in the order of their time, where something hides the mode."""
+        if not self.hidden:
+            return np.empty(0, np.int64)
+        begins = [self.time[span].min() for span in self.sweeps.spans]
+        return np.argsort(begins, kind="stable")
+
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Return the mode that something else hides, which alone it would describe instead."""
         names = [spec.name for spec in self.base]
