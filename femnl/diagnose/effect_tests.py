@@ -6,6 +6,7 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
@@ -154,10 +155,15 @@ def _effect_test(
     # Along the basis, where all happens
     along = basis @ result.residuals
     moved = free @ basis.T
-    estimate = -np.linalg.lstsq(
-        np.vstack([moved.T, known]), np.append(along, np.zeros(len(known))), rcond=None
-    )[0]
-    allowed = np.clip(estimate, low, high)
+    slopes = np.vstack([moved.T, known])
+    wanted = -np.append(along, np.zeros(len(known)))
+    free_of_bounds = np.linalg.lstsq(slopes, wanted, rcond=None)[0]
+    allowed = np.clip(free_of_bounds, low, high)
+    if len(strengths) > 1 and not np.array_equal(allowed, free_of_bounds):
+        # One at its bound changes what others do best; in parts of ranges, as units differ
+        width = np.subtract(high, low)
+        within = lsq_linear(slopes * width, wanted, (low / width, high / width))
+        allowed = np.clip(within.x * width, low, high)
     rest = along + allowed @ moved
     square = float(along @ along)
     gain = max(square - float(rest @ rest), 0.0)

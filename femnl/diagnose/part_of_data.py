@@ -6,6 +6,7 @@ import numpy as np
 
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult, covariance, fit, stored
+from femnl.fits.tangents import jacobian_at, steps_for
 from femnl.observe.extended import ExtendedModel
 
 RULED_OUT = 10.0
@@ -18,12 +19,17 @@ def in_part(result: FitResult) -> FitResult:
     if thin is None:
         return result
     model = ExtendedModel(thin.model, result.model.effects)
+    residuals = model.residuals(result.vector)
     slopes = result.jacobian[thin.at]
+    if not np.allclose(residuals, result.residuals[thin.at]):
+        # Whitened otherwise, as correlated neighbours are farther apart
+        steps = steps_for(model, np.linalg.norm(slopes, axis=0))
+        slopes = jacobian_at(model, result.vector, residuals, steps)
     low, high = model.bounds
     return FitResult(
         model,
         result.vector,
-        model.residuals(result.vector),
+        residuals,
         stored(slopes),
         covariance(slopes, high - low),
         result.checkpoint,

@@ -97,6 +97,20 @@ def test_a_part_of_noisy_data_has_their_noise() -> None:
     assert "correlation=0.25" in correlated.model.variant
 
 
+@pytest.mark.parametrize("correlation", [0.0, 0.6])
+def test_a_part_answers_to_parameters_as_its_own_residuals_do(correlation: float) -> None:
+    """Neighbours of the part are farther apart, and correlated noise is less alike in them."""
+    noisy = with_noise(wide(), FoundNoise((), 1.0, correlation))
+    start = np.array([BASE[spec.name] for spec in noisy.base])
+    part = in_part(fit(ExtendedModel(noisy), start, most=1))
+    for k, step in enumerate((1e-11, 1e-6, 1e-5, 1e-5, 1e-10, 1e-10)):
+        moved = step * np.eye(len(part.vector))[k]
+        up, down = (part.model.residuals(part.vector + side * moved) for side in (1, -1))
+        slope = (up - down) / (2 * step)
+        size = np.linalg.norm(slope)
+        assert np.linalg.norm(part.jacobian[:, k] - slope) < 1e-3 * size
+
+
 def test_a_fit_that_a_part_of_the_data_led_is_that_to_all_of_them() -> None:
     model = wide()
     tilt = library()["phase_tilt"]

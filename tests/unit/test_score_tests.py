@@ -73,3 +73,28 @@ def test_a_clearly_refuted_model_points_to_the_same_starts_without_the_direction
         assert len(few) == SHAPES
     found = criticise(result, [BUMP, BEND])
     assert (found.p_value, found.worst) == Adequacy(result, whole).p_value()
+
+
+def test_where_one_strength_meets_its_bound_the_others_do_what_is_left() -> None:
+    """Each brought back to its bound by itself would leave most of what both can do."""
+    beside = X**2 - np.mean(X**2)
+    few = ParameterSpec("few", "1", 0.0, 2.0)
+    more = ParameterSpec("more", "1", 0.0, 10.0)
+
+    def lift(value: Array, values: Values) -> Array:
+        return np.asarray(value + values["few"] * X + values["more"] * (0.9 * X + beside))
+
+    result = fit(ExtendedModel(Map(8 * X, BLOCKS, HALF)), np.zeros(1))
+    pair = Effect("pair", "", (few, more), {"placement": lift}, "", "", "")
+    (test,) = score_tests(result, [pair], patterns=False)
+    few_, more_ = np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 10, 401))
+    shapes = np.stack([X, 0.9 * X + beside])
+    rest = result.residuals - (np.stack([few_.ravel(), more_.ravel()]).T @ shapes)
+    rest -= rest.mean(axis=1, keepdims=True)
+    best = result.chi2 - np.sum(rest**2, axis=1).min()
+    assert test.gain == pytest.approx(best, rel=2e-3)
+    most = np.argmin(np.sum(rest**2, axis=1))
+    assert test.values == {
+        "few": pytest.approx(2.0),
+        "more": pytest.approx(float(more_.ravel()[most]), rel=0.02),
+    }
