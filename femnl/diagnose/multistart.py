@@ -142,7 +142,7 @@ def followed(result: FitResult, effect: Effect) -> FitResult | None:
 
 
 def _turned_over(result: FitResult) -> Array:
-    """Return the parameters with angles that ended at a bound a turn farther, at the other one."""
+    """Return the parameters; an angle that ended at one bound is moved by 2π to the other."""
     low, high = result.model.bounds
     part = result.model.part_of_range(result.vector)
     turns = np.isclose(high - low, 2 * np.pi) & (np.minimum(part, 1 - part) < AT_END)

@@ -130,8 +130,9 @@ class Problem:
         while todo:  # again, where a helper ended over its job
             with self._fed(todo, found):
                 while (mine := _next(todo.popleft)) is not None:
-                    with self._timed(mine[1]):
-                        found[mine[0]] = mine[1].done()
+                    begin = perf_counter()
+                    found[mine[0]] = mine[1].done()
+                    self._lasted_since(begin, mine[1])
                     self._keep()
             self._keep()
             for helper in [helper for helper in self._helpers if helper.dead]:
@@ -146,10 +147,7 @@ class Problem:
         """Return how long [s] a job may last: as the latest about one of its causes alone."""
         return max((self._lasted.get(cause, 0.0) for cause in job.causes), default=0.0)
 
-    @contextmanager
-    def _timed(self, job: Job[Any]) -> Iterator[None]:
-        begin = perf_counter()
-        yield
+    def _lasted_since(self, begin: float, job: Job[Any]) -> None:
         if len(job.causes) == 1:
             self._lasted[job.causes[0]] = perf_counter() - begin
 
@@ -176,11 +174,12 @@ class Problem:
         while todo and not helper.dead:
             if helper.ready(SOON) and (its := _next(todo.popleft)) is not None:
                 PROGRESS.info(its[1].says)
-                with self._timed(its[1]):
-                    answered = helper.ask(self._names.packed(its[1].find))
+                begin = perf_counter()
+                answered = helper.ask(self._names.packed(its[1].find))
                 if answered is None:
                     todo.appendleft(its)
                 else:
+                    self._lasted_since(begin, its[1])
                     found[its[0]], fits = self._names.unpacked(answered)
                     self._fits.extend(fits)
 

@@ -51,8 +51,8 @@ def minimise(
 ) -> tuple[Array, Array]:
     """Return the minimum and the steps at which tangents are taken there.
 
-    On the way derivatives are carried on from place to place. A way worth more that ends with such
-    ones goes on with differences, until these gain nothing.
+    On the way derivatives are carried on from place to place. Where it ends with such ones, and χ²
+    is below `worth`, it goes on from derivatives by differences until these lower χ² no further.
 
     Args: as `recalled`.
 
@@ -171,13 +171,13 @@ class _Data:
     def know(self, vector: Array, residuals: Array, slopes: Array) -> None:
         """Keep all residuals of the latest place, and their derivatives by the parameters.
 
-        These are such by differences.
+        The derivatives must have been taken by differences.
         """
         self._residuals = {vector.tobytes(): residuals}
         self._keep(Place(vector, residuals, slopes), by_differences=True)
 
     def renew(self, part: Array, steps: Array) -> bool:
-        """Take derivatives by differences at a place, and say whether there were none."""
+        """Take derivatives by differences at a place; return False if they were so already."""
         if self._by_differences:
             return False
         vector = self.place(part)
@@ -200,7 +200,7 @@ class _Data:
         key = vector.tobytes()
         if key not in self._slopes:
             at = self._known(vector)
-            found = None if self._last is None else carried_on(self._last, vector, at)
+            found = None if self._last is None else carried_on(self._last, vector, at, self.chosen)
             slopes = jacobian_at(self._model, vector, at, steps) if found is None else found
             self._keep(Place(vector, at, slopes), by_differences=found is None)
         return self._straightened(self._slopes[key], vector)[self.chosen] * self._width

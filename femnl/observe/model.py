@@ -90,7 +90,7 @@ class MeasurementModel(ABC):
 
     @property
     def order_of_blocks(self) -> NDArray[np.int64]:
-        """Blocks in the order of their time, where something hides what the first ones show."""
+        """Numbers of blocks by rising time; empty unless the start hides behind something else."""
         return np.empty(0, np.int64)
 
     @property

@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from femnl.diagnose.multistart import followed
 from femnl.diagnose.posing import Posing
 from femnl.diagnose.sent import sent
 from femnl.effects import library
 from femnl.fits.least_squares import fit
+from femnl.fits.response.first_fit import first_fit
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.model import MeasurementModel
 from tests.blind.realistic.files import Draw, make
@@ -37,6 +39,9 @@ def test_a_mode_that_leaves_the_sweeps_is_followed_from_the_first_one(tmp_path: 
     assert first["frequency"] == pytest.approx(told["base"]["frequency"], abs=width)
     assert first["linewidth"] == pytest.approx(width, rel=0.1)
     np.testing.assert_array_equal(model.order_of_blocks, range(16))
+    # The second position sees the mode half as large, in sweeps that have lost it
+    allowed = {spec.name: spec.high for spec in model.base}
+    assert allowed["height[0]"] > 0.5 * first["height[1]"]
     base = fit(ExtendedModel(model), model.start)
     assert base.chi2 > 100 * base.degrees
     found = followed(base, DRIFT)
@@ -44,6 +49,51 @@ def test_a_mode_that_leaves_the_sweeps_is_followed_from_the_first_one(tmp_path: 
     assert found.chi2 < 1.05 * found.degrees
     rate = told["causes"]["frequency_drift"]["rate"]
     assert found.vector[-1] == pytest.approx(rate, rel=1e-3)
+
+
+def drifting(xs: list[float], heights: list[float], phases: list[float]) -> xr.Dataset:
+    """Return sweeps of a linear mode, 100 Hz wide, that drifts by many widths between them."""
+    rng = np.random.default_rng(1)
+    f = np.linspace(998e3, 1002e3, 80)
+    lines = np.array([999e3, 999.6e3, 1000.3e3, 1000.9e3])[:, None]
+    turned = np.array(heights)[:, None] * np.exp(1j * np.array(phases)[:, None])
+    volts = turned / (2 * (lines - f) / 100 + 1j)
+    noise = 1e-5 * (rng.standard_normal((2, *volts.shape)))
+    rows = ("sweep", "point")
+    return xr.Dataset(
+        {
+            "frequency": (rows, np.tile(f, (4, 1))),
+            "real": (rows, volts.real + noise[0]),
+            "imag": (rows, volts.imag + noise[1]),
+            "drive": ("sweep", np.ones(4)),
+            "x": ("sweep", xs),
+            "y": ("sweep", np.zeros(4)),
+            "time": ("sweep", 10.0 * np.arange(4)),
+        },
+        attrs={"kind": "response"},
+    )
+
+
+def test_one_sweep_leaves_other_positions_what_all_sweeps_say_of_them() -> None:
+    """The first is near a node: a range of twenty times what it reads would end too soon."""
+    sweeps = drifting([1e-6, 5e-5, 1e-6, 5e-5], [2e-3, 0.4, 2e-3, 0.4], [0.3, 3.4, 0.3, 3.4])
+    _, found = first_fit(sweeps, ("[0]", "[1]"), None)
+    assert found["hidden"] == 1
+    assert found["frequency"] == pytest.approx(999e3, abs=1)
+    assert found["linewidth"] == pytest.approx(100, rel=0.01)
+    assert found["y_max[0]"] == pytest.approx(2e-3, rel=0.01)
+    assert found["y_max[1]"] > 0.1
+
+
+def test_a_sweep_of_a_few_points_is_passed_over() -> None:
+    """Alone it could not tell its noise, of which the file says nothing."""
+    sweeps = drifting([0.0] * 4, [0.02] * 4, [0.3] * 4)
+    for name in ("real", "imag"):
+        sweeps[name][0, 10:] = np.nan
+    sweeps["frequency"][0, 5:10] = sweeps["frequency"].values[0, 4::-1]
+    _, found = first_fit(sweeps, ("",), None)
+    assert found["hidden"] == 1
+    assert found["frequency"] == pytest.approx(999.6e3, abs=1)
 
 
 def test_where_no_sweep_shows_another_mode_none_is_followed(tmp_path: Path) -> None:

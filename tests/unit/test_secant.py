@@ -57,6 +57,16 @@ def test_they_are_not_carried_on(rows: int, bend: float) -> None:
     assert carried_on(Place(HERE, slopes @ HERE, slopes), THERE, residuals) is None
 
 
+def test_what_is_not_fitted_does_not_tell_whether_the_way_is_straight() -> None:
+    fitted = np.arange(2 * N) < N
+    slopes = np.vstack([SLOPES, 100 * SLOPES])
+    residuals = slopes @ THERE
+    residuals[fitted] += 2 * STRAIGHT * np.linalg.norm(SLOPES @ (THERE - HERE)) / N**0.5
+    last = Place(HERE, slopes @ HERE, slopes)
+    assert carried_on(last, THERE, residuals) is not None
+    assert carried_on(last, THERE, residuals, fitted) is None
+
+
 def test_where_nothing_changed_they_are_not_carried_on() -> None:
     at = SLOPES @ HERE
     assert carried_on(Place(HERE, at, SLOPES), HERE, at) is None

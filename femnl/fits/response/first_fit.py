@@ -1,11 +1,13 @@
 """The mode that sweeps show at first sight: where a diagnosis of them starts."""
 
 import hashlib
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from femnl.core.checkpoint import Checkpoint
+from femnl.core.errors import ConvergenceError
 from femnl.core.fit import Fit
 from femnl.core.readout import Array
 from femnl.fits.response.choice import first_look
@@ -25,6 +27,8 @@ is taken to hide the resonance.
 """
 HIDES = 0.03
 """Background over the height of the resonance from which on it may hide that."""
+FIRST_SWEEPS = 8
+"""Earliest sweeps that are asked, one by one, whether they show the mode alone."""
 BENT = 10.0
 """Reduced χ² of a fit to all drives, and its factor over that of one to the weakest, from which on
 strong drives may show something else than the mode.
@@ -73,15 +77,17 @@ def first_fit(
                 sign = -sign
                 fitted, background, clearest = other
         weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
-        one = None if background > 0 or weak else of_one_sweep(dataset, fitted, sign)
-        shown = one or weak or fitted
-        # That to one sweep knows one place, and stands for all
-        own = {name: name if one is None else name.split("[")[0] for name in names}
-        values = {name: shown[own[name]] for name in names}
-        stiffness = own[names[2]]
-        turns = _shown_sign(one or weak or clearest, stiffness)
-        hidden = background > 0 or shown is not fitted
-        if turns == 0 and np.isfinite(sd := shown.parameters[stiffness].sd):
+        one = None if background > 0 or weak else of_one_sweep(dataset, fitted, sign, place)
+        hidden = background > 0 or weak is not None or one is not None
+        shown = weak or fitted
+        values = {name: shown[name] for name in names}
+        sd = shown.parameters[names[2]].sd
+        turns = _shown_sign(weak or clearest, names[2])
+        if one is not None:
+            found, sd = one.of_all(fitted, place)
+            values |= found
+            turns = _shown_sign(one.fitted, "alpha_y")
+        if turns == 0 and np.isfinite(sd):
             values[names[2]] = max(abs(values[names[2]]), sd)
         told = [background, float(hidden), float(turns < 0)]
         return np.array([*values.values(), *told]), np.array([sign])
@@ -198,24 +204,59 @@ def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) 
     return None
 
 
-def of_one_sweep(dataset: xr.Dataset, fitted: Fit, sign: int) -> Fit | None:
+class OneSweep(NamedTuple):
+    """A fit to one sweep, and the end of names of its position."""
+
+    fitted: Fit
+    end: str
+
+    def of_all(self, fitted: Fit, place: tuple[str, ...]) -> tuple[dict[str, float], float]:
+        """Return values by their names at all positions, and the standard deviation of α.
+
+        What is read at other positions is no smaller than a fit to all of them says.
+        """
+        mine = self.fitted
+        values = {name: mine[name] for name in ("frequency", "linewidth")}
+        for end in place:
+            own = end == self.end
+            size = mine["y_max"]
+            values[f"y_max{end}"] = size if own else max(size, fitted[f"y_max{end}"])
+            values[f"phase{end}"] = mine["phase"] if own else fitted[f"phase{end}"]
+        units = (mine["y_max"] / values[f"y_max{place[0]}"]) ** 2
+        values[f"alpha_y{place[0]}"] = mine["alpha_y"] * units
+        return values, mine.parameters["alpha_y"].sd * units
+
+
+def of_one_sweep(
+    dataset: xr.Dataset, fitted: Fit, sign: int, place: tuple[str, ...]
+) -> OneSweep | None:
     """Return a fit to the earliest sweep that is clear alone, where all together hide the mode.
 
     A mode that drifts by more than its width from sweep to sweep looks wide, or is sought where it
-    was late. None where the fit to all may be right, or the sweep agrees with it.
+    was late. None where the fit to all may be right, where the sweep agrees with it, or where none
+    of the first few is clear.
     """
     kept, _ = first_harmonics(dataset)
     if fitted.chi2_reduced < BENT or len(kept) == 1:
         return None
+    together = collect(dataset)
     time = dataset["time"].values[kept] if "time" in dataset else kept
-    for row in kept[np.argsort(time, kind="stable")]:
-        part = dataset.isel(sweep=[row])
-        sweeps = collect(part)
-        alone = _without_background(part, sign)
-        inside = sweeps.frequency.min() < alone["frequency"] < sweeps.frequency.max()
-        clear = alone["y_max"] * sweeps.reference > CLEAR * sweeps.noise
-        if alone.chi2_reduced < ADEQUATE and inside and clear:
-            return alone if _is_astray(fitted, alone) else None
+    for row in kept[np.argsort(time, kind="stable")][:FIRST_SWEEPS]:
+        mine = together.row == row
+        if not mine.any():
+            continue
+        # One sweep alone tells its noise less well than all of them
+        part = dataset.isel(sweep=[row]).assign_attrs(noise_sd=together.noise)
+        try:
+            alone = _without_background(part, sign)
+        except ConvergenceError:  # it is not clear
+            continue
+        low, high = (side(together.frequency[mine]) for side in (np.min, np.max))
+        drive = float(np.max(together.drive[mine])) * together.reference
+        clear = alone["y_max"] * drive > CLEAR * together.noise
+        if alone.chi2_reduced < ADEQUATE and low < alone["frequency"] < high and clear:
+            end = place[int(together.position[mine][0])]
+            return OneSweep(alone, end) if _is_astray(fitted, alone) else None
     return None
 
 
