@@ -18,7 +18,7 @@ from femnl.device.layout.drawing import moved
 from femnl.device.layout.metal import ALUMINIUM, parts_of
 from femnl.device.layout.readers import read_drawing
 from femnl.device.layout.recognise import outline_of
-from femnl.device.layout.regions import Film, film_of
+from femnl.device.layout.suspended import Film, film_of
 from femnl.device.layout.tables import hole_groups, outline_keys, written
 
 Array = NDArray[np.float64]
