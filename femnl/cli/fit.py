@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
 from femnl.cli._device import Cache, Json, check_mode, known_geometry
+from femnl.cli._fit_checks import check_options, one_of, refuse_beside_modes, samples
 from femnl.cli._fit_decay import FEW, summary
 from femnl.cli._fit_kinds import MEANINGS, FitOptions, MeasuredFile, fit_file, measured_file
 from femnl.cli._fit_response import Asked
@@ -23,40 +24,10 @@ from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 if TYPE_CHECKING:
     import xarray as xr
 
-Word = TypeVar("Word", bound=str)
 USES: tuple[Use, ...] = get_args(Use)
 LAWS: tuple[Law, ...] = get_args(Law)
 FRINGES = ("sine", "multilayer", "free")
-OF_ONE_MODE = ("use", "background", "linear", "nonlinear_damping")
-"""Options of a response that is one mode, and not several linear ones."""
 BACKGROUNDS: tuple[Background | Literal["auto"], ...] = ("auto", *get_args(Background))
-# What each option is for: a kind of measurement, or a meaning of one.
-APPLIES = {
-    "use": ("response", "line-scan"),
-    "nonlinear_damping": ("response", "line-scan"),
-    "fringe": ("map", "trace"),
-    "mode": ("map",),
-    "n_harmonics": ("trace",),
-    "held_out": ("oscillator",),
-    "background": ("response",),
-    "linear": ("response",),
-    "fix": (
-        "response",
-        "line-scan",
-        "spectrum",
-        "map",
-        "trace",
-        "ring-down",
-        "envelope",
-        "oscillator",
-        "decay",
-        "series",
-    ),
-    "each_sweep_to": ("response",),
-    "n_modes": ("response",),
-    "law_name": ("series",),
-    "against": ("series",),
-}
 
 As = Annotated[
     str | None,
@@ -192,28 +163,28 @@ def command(
 
     All maps of a file are fitted with one amplitude.
     """
-    how = None if use is None else _one_of("--use", use, USES)
+    how = None if use is None else one_of("--use", use, USES)
     fixed = read_fixed(fix or [])
     asked = Asked(
         how,
-        _one_of("--background", background, BACKGROUNDS),
+        one_of("--background", background, BACKGROUNDS),
         linear,
         nonlinear_damping,
         fixed,
     )
     options = FitOptions(
-        meaning=None if meaning is None else _one_of("--as", meaning, tuple(MEANINGS)),
+        meaning=None if meaning is None else one_of("--as", meaning, tuple(MEANINGS)),
         response=asked,
         fixed=fixed,
         n_modes=n_modes,
         each_sweep=each_sweep_to is not None,
-        law=_one_of("--law", law_name, LAWS),
+        law=one_of("--law", law_name, LAWS),
         against=against,
-        fringe=_one_of("--fringe", fringe, FRINGES),
+        fringe=one_of("--fringe", fringe, FRINGES),
         mode=check_mode(mode),
         geometry=geometry,
         n_harmonics=n_harmonics,
-        held_out=_part(held_out),
+        held_out=samples(held_out),
         cache=cache,
     )
     if each_sweep_to is not None and n_modes is not None:
@@ -221,7 +192,7 @@ def command(
             "--each-sweep fits one mode a sweep, and --modes several; leave one of them out"
         )
     if n_modes is not None:
-        _refuse_beside_modes(context)
+        refuse_beside_modes(context)
     listed = files_of(files)
     if each_sweep_to is not None and len(listed) > 1:
         raise ParameterError(
@@ -230,7 +201,7 @@ def command(
 
     def fit_one(path: Path, tree: xr.DataTree) -> dict[str, Outcome]:
         file = measured_file(path, tree, options)
-        _check_options(context, file.meanings)
+        check_options(context, file.meanings)
         results = fit_file(file, alone=len(listed) == 1)
         if each_sweep_to is not None:
             _write_series(results, each_sweep_to)
@@ -277,55 +248,6 @@ def _fit_files(
 
 def _has_decays(records: Sequence[Mapping[str, Any]]) -> bool:
     return any("phases" in fit for found in records for fit in found["fits"].values())
-
-
-def _one_of(option: str, text: str, words: tuple[Word, ...]) -> Word:
-    """Return the word that a text is. Raises: ParameterError for another text."""
-    for known in words:
-        if text == known:
-            return known
-    raise ParameterError(f"{option} {text}: expected one of {', '.join(words)}")
-
-
-def _given(context: typer.Context) -> list[tuple[str, str]]:
-    """Return the options that were given, as on the command line and by their names here."""
-    found = []
-    for parameter in context.command.params:
-        name = parameter.name or ""
-        source = context.get_parameter_source(name)
-        if source is not None and source.name == "COMMANDLINE":
-            found.append((parameter.opts[0], name))
-    return found
-
-
-def _refuse_beside_modes(context: typer.Context) -> None:
-    """Refuse an option that fits of several linear modes do not have."""
-    for option, name in _given(context):
-        if name in OF_ONE_MODE:
-            raise ParameterError(
-                f"{option}: --modes fits linear modes with real and imag on a smooth "
-                "background; leave one of them out"
-            )
-
-
-def _check_options(context: typer.Context, read_as: set[str]) -> None:
-    """Refuse an option that was given and has no effect on what is read."""
-    for option, name in _given(context):
-        if name in APPLIES and read_as.isdisjoint(APPLIES[name]):
-            kinds = " and ".join(sorted(read_as))
-            raise ParameterError(
-                f"{option}: is for {' and '.join(APPLIES[name])}, and has no effect on {kinds}"
-            )
-
-
-def _part(text: str | None) -> slice | None:
-    """Return the samples FIRST:END that are held out."""
-    if text is None:
-        return None
-    first, colon, end = text.partition(":")
-    if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
-        raise ParameterError(f"--held-out {text}: expected FIRST:END in samples, such as 0:40000")
-    return slice(int(first), int(end))
 
 
 def _write_series(results: dict[str, Outcome], path: Path) -> None:
