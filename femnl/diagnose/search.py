@@ -17,27 +17,22 @@ from femnl.diagnose.candidate import Candidate, Names, job, names_of
 from femnl.diagnose.criticism import criticise, glance
 from femnl.diagnose.extending import partners, to_extend
 from femnl.diagnose.multistart import (
-    extended,
     extended_elsewhere,
     followed,
-    replaced,
     seekable_elsewhere,
-    sought_again,
 )
-from femnl.diagnose.other_valleys import sought_beyond
-from femnl.diagnose.part_of_data import best_in_all
 from femnl.diagnose.search_rules import (
     falls_short,
     leaves_other_noise,
     may_leave_larger_noise,
     needs_global_search,
     outweighed,
-    saturates,
     settled,
     takes_up_nearly_all,
 )
+from femnl.diagnose.sets_fitted import fitted, seeking
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.diagnose.worker_pool import Job, Run, in_turn
+from femnl.diagnose.worker_pool import Run, in_turn
 from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.model import MeasurementModel
@@ -81,7 +76,7 @@ def search(
         if settled(grown):
             short = [c for c in grown.values() if falls_short(c, base)]
             return _simpler(
-                [*found, *_kept(grown, run(_seeking(short)), found, library, run).values()],
+                [*found, *_kept(grown, run(seeking(short)), found, library, run).values()],
                 library,
                 run,
             )
@@ -154,7 +149,7 @@ def _grown(
     grown: dict[Names, Candidate] = {}
     done = list[Candidate]()
     while parents:
-        grown = _kept(grown, _fitted(parents, library, run), found, library, run)
+        grown = _kept(grown, fitted(parents, library, run), found, library, run)
         done += parents
         parents = []
         if size == PAIR and (needs_global_search(found) or settled(grown)):
@@ -179,7 +174,7 @@ def _sought_anew(
         return [*from_afar(found, library, run)]
     everywhere = needs_global_search(found) and size == 0
     few = len(ranked) if everywhere else THRESHOLDS.sought_again[size]
-    jobs = _seeking(ranked[:few])
+    jobs = seeking(ranked[:few])
     base = found[0].result
     if size == 0:
         jobs += [
@@ -258,57 +253,3 @@ def _kept(
             jobs.append(job("looking at", c.names, c.result, look))
         seen = run(jobs)
     return grown | plain | {c.names: c for c in seen}
-
-
-def _fitted(parents: list[Candidate], library: list[Effect], run: Run) -> list[FitResult]:
-    """Fit each parent's model with one more effect that its residuals point to.
-
-    A part of many data leads to one fit to all of them for each set, whichever parents led to it.
-    """
-    trying = [(parent.result, one) for parent in parents for one in _growing(parent, library)]
-    tried = run([one for _, one in trying])
-    if parents[0].result.model.base_model.thinned is None:
-        return [result for fits in tried for result in fits]
-    begun: dict[Names, list[FitResult]] = {}
-    near: dict[Names, FitResult] = {}
-    for (parent, _), fits in zip(trying, tried, strict=True):
-        for result in fits:
-            names = names_of(result)
-            begun.setdefault(names, []).append(result)
-            near[names] = min(near.get(names, parent), parent, key=lambda one: one.chi2)
-    return run(
-        [
-            job("fitting", names, near[names], partial(best_in_all, fits, near[names]))
-            for names, fits in begun.items()
-        ]
-    )
-
-
-def _growing(parent: Candidate, library: list[Effect]) -> list[Job[list[FitResult]]]:
-    """Return the jobs that fit a part of many data; saturated sets are left out."""
-    result = parent.result
-    finds = [
-        (pointer.effect, partial(extended, result, pointer.effect, list(pointer.shapes)))
-        for pointer in parent.pointers or ()
-    ]
-    finds += [
-        (effect, partial(replaced, result, effect))
-        for effect in library
-        if effect.name not in parent.names and not effect.has_strength
-    ]
-    return [
-        job("trying", names_of(result, effect), result, find)
-        for effect, find in finds
-        if not saturates(result, effect)
-    ]
-
-
-def _seeking(candidates: list[Candidate]) -> list[Job[FitResult | None]]:
-    """Return fits that scan each cause of some sets anew, and what else may have been missed."""
-    jobs: list[Job[FitResult | None]] = []
-    for result in (c.result for c in candidates):
-        jobs.append(job("seeking", names_of(result), result, partial(sought_beyond, result)))
-        for k, effect in enumerate(result.model.effects):
-            doing = f"seeking {effect.name} again in"
-            jobs.append(job(doing, names_of(result), result, partial(sought_again, result, k)))
-    return jobs

@@ -5,14 +5,12 @@ Here, and in processes that pose the same problem.
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from multiprocessing.connection import Connection
 from pathlib import Path
-from pickle import Pickler, Unpickler
 from time import perf_counter
 from typing import Any, Generic, TypeVar
 
@@ -20,6 +18,7 @@ from femnl.core.checkpoint import Checkpoint, Found, Share
 from femnl.core.effect import Effect
 from femnl.core.errors import FemnlError
 from femnl.core.processes import Worker, answer, one_thread
+from femnl.diagnose.by_name import ByName
 from femnl.observe.model import MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
@@ -110,7 +109,7 @@ class Problem:
     ) -> None:
         self.model, self.effects = posed
         self._pose = pose
-        self._names = _Names(posed, checkpoint)
+        self._names = ByName(*posed, checkpoint)
         self._helpers = helpers
         self._checkpoint = checkpoint
         self._fits: deque[tuple[str, Found]] = deque()
@@ -225,11 +224,11 @@ def _serve(connection: Connection, path: Path | None) -> None:
     # The process that asked meets the same file, cache and fits, and says once what there is to say
     # of them.
     WARNINGS.setLevel(logging.CRITICAL)
-    posed: list[tuple[_Names, Share | None]] = []
+    posed: list[tuple[ByName, Share | None]] = []
 
     def pose(problem: Pose) -> bool:
         share = None if path is None else Share(path)
-        posed[:] = [(_Names(problem(share), share), share)]
+        posed[:] = [(ByName(*problem(share), share), share)]
         return True
 
     def find(task: bytes) -> bytes:
@@ -253,52 +252,3 @@ def _next(take: Callable[[], T]) -> T | None:
         return take()
     except IndexError:
         return None
-
-
-class _Names:
-    """Sends the model, the effects and the checkpoint by name: each process has its own."""
-
-    def __init__(self, posed: Posed, checkpoint: Checkpoint | None) -> None:
-        base_model, effects = posed
-        thin = base_model.thinned
-        self._things: dict[str, object] = {
-            "base_model": base_model,
-            "part of base_model": None if thin is None else thin.model,
-            "checkpoint": checkpoint,
-            **{f"effect {effect.name}": effect for effect in effects},
-        }
-        self._by_id = {id(thing): name for name, thing in self._things.items() if thing is not None}
-
-    def packed(self, thing: object) -> bytes:
-        """Return a job or what it found as bytes, with names in the place of what has one."""
-        stream = BytesIO()
-        _Packer(stream, self._by_id).dump(thing)
-        return stream.getvalue()
-
-    def unpacked(self, content: bytes) -> Any:
-        """Return what was packed in another process, with what has a name as it is here."""
-        return _Unpacker(BytesIO(content), self._things).load()
-
-
-class _Packer(Pickler):
-    """Writes the names of objects that each process has."""
-
-    def __init__(self, stream: BytesIO, names: Mapping[int, str]) -> None:
-        super().__init__(stream)
-        self._by_id = names
-
-    def persistent_id(self, part: object) -> str | None:
-        """Return the name of an object, None where it is to be written itself."""
-        return self._by_id.get(id(part))
-
-
-class _Unpacker(Unpickler):
-    """Puts the objects of this process in the place of their names."""
-
-    def __init__(self, stream: BytesIO, things: Mapping[str, object]) -> None:
-        super().__init__(stream)
-        self._things = things
-
-    def persistent_load(self, name: str) -> object:
-        """Return the object of a name."""
-        return self._things[name]

@@ -24,9 +24,10 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose import diagnose, record
+from femnl.diagnose.by_name import ByName
 from femnl.diagnose.criticism import criticise
 from femnl.diagnose.search import refitted
-from femnl.diagnose.worker_pool import Job, _Names, worker_pool
+from femnl.diagnose.worker_pool import Job, worker_pool
 from femnl.effects import library
 from femnl.fits.least_squares import FitResult, fit
 from femnl.io import measurement
@@ -136,7 +137,7 @@ def test_fits_that_are_made_again_under_another_noise_are_sent_by_name() -> None
     one = ExtendedModel(other, (SLOPE,))
     sloped = fit(one, one.pack({"level": 0.0}, [{"strength": 0.1}]), near=base)
     earlier = [criticise(result, effects) for result in (base, sloped)]
-    names = _Names((known, effects), None)
+    names = ByName(known, effects, None)
 
     def sent(jobs: Sequence[Job[Any]]) -> list[Any]:
         return [names.unpacked(names.packed(job.find))() for job in jobs]
