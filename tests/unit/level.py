@@ -64,3 +64,19 @@ class Level(MeasurementModel):
 
     def describe(self, residuals: Array) -> str:
         return ""
+
+
+def bump(place: Array, half: float) -> Effect:
+    """Return something of a size up to half, at a place in -1 to 1, of a width."""
+
+    def lift(value: Array, values: Values) -> Array:
+        return np.asarray(
+            value + values["size"] * np.exp(-(((place - values["place"]) / values["width"]) ** 2))
+        )
+
+    parameters = (
+        ParameterSpec("size", "1", -half, half),
+        ParameterSpec("place", "1", -1, 1, False),
+        ParameterSpec("width", "1", 0.05, 1, False),
+    )
+    return Effect("bump", "", parameters, {"placement": lift}, "", "", "")

@@ -10,7 +10,7 @@ from femnl.fits.minimise import minimise
 from femnl.fits.tangents import steps_for
 from femnl.fits.triangle import Triangle
 from femnl.observe.extended import ExtendedModel
-from tests.unit.level import Level
+from tests.unit.level import Level, bump
 
 N = 300
 X = np.linspace(-1, 1, N)
@@ -18,35 +18,16 @@ HALF = 20.0
 SEED = 5
 
 
-def bump(value: Array, values: Values) -> Array:
-    """Something of a size, at a place, of a width."""
-    return np.asarray(
-        value + values["size"] * np.exp(-(((X - values["place"]) / values["width"]) ** 2))
-    )
-
-
+BUMP = bump(X, HALF)
+LIFTED = {"size": 6.0, "place": 0.2, "width": 0.3}
 MODEL = ExtendedModel(
     Level(
-        bump(np.full(N, 1.0), {"size": 6.0, "place": 0.2, "width": 0.3})
+        BUMP.changes["placement"](np.full(N, 1.0), LIFTED)
         + np.random.default_rng(SEED).standard_normal(N),
         np.arange(N) * 4 // N,
         HALF,
     ),
-    (
-        Effect(
-            "bump",
-            "",
-            (
-                ParameterSpec("size", "1", -HALF, HALF),
-                ParameterSpec("place", "1", -1, 1, False),
-                ParameterSpec("width", "1", 0.05, 1, False),
-            ),
-            {"placement": bump},
-            "",
-            "",
-            "",
-        ),
-    ),
+    (BUMP,),
 )
 START = np.array([0.0, 1.0, 0.0, 0.5])
 
