@@ -32,6 +32,10 @@ LITTLE = 1e-4
 """Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
 FARTHER = 2.0
 """Widths of the sweeps by which those that would tell backgrounds apart are further out."""
+HELD_OUT = 6
+"""Parts that a single sweep is held out in, of at least three stretches each."""
+STRETCH = 8
+"""Neighbouring points in such a stretch, where the sweep has enough of them."""
 BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 
@@ -115,9 +119,16 @@ class ResponseModel(MeasurementModel):
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Every sweep is a block of its own, and so is the simulated α where sweeps soften."""
-        known = [len(self.sweeps.spans)] if self.softens else []
-        return np.concatenate([self.sweeps.sweep, self.sweeps.sweep, known]).astype(np.int64)
+        """Every sweep is a block of its own, and so is the simulated α where sweeps soften.
+
+        A single one is cut into stretches, dealt in turns: each block lies between others.
+        """
+        block = self.sweeps.sweep
+        if len(self.sweeps.spans) == 1:
+            stretches = HELD_OUT * max(3, len(block) // (HELD_OUT * STRETCH))
+            block = np.arange(len(block)) * stretches // len(block) % HELD_OUT
+        known = [block.max() + 1] if self.softens else []
+        return np.concatenate([block, block, known]).astype(np.int64)
 
     @property
     def layout(self) -> Layout:
