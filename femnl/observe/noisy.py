@@ -57,7 +57,7 @@ class NoisyModel(MeasurementModel):
     needs_global_search: bool
     stages_of_many: tuple[Stage, ...]
     jumps: tuple[str, ...]
-    tells_noise = True
+    tells_noise: bool
 
     @cached_property
     def kept(self) -> NDArray[np.bool_]:
@@ -261,6 +261,8 @@ def with_noise(bare: MeasurementModel, noise: FoundNoise) -> MeasurementModel:
         needs_global_search=bare.needs_global_search,
         stages_of_many=bare.stages_of_many,
         jumps=bare.jumps,
+        # Noise that was found larger once is not found larger again
+        tells_noise=bare.tells_noise or noise.factor != 1,
     )
 
 

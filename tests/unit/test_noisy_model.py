@@ -56,6 +56,13 @@ def test_noise_as_stated_changes_nothing() -> None:
     assert with_noise(bare, FoundNoise()) is bare
 
 
+def test_data_without_neighbours_tell_their_noise_once_it_was_found_larger() -> None:
+    bare = Level(noise(1), BLOCKS, 1e4)
+    assert not bare.tells_noise
+    assert not with_noise(bare, FoundNoise(glitches=(3,))).tells_noise
+    assert with_noise(bare, FoundNoise(factor=1.5)).tells_noise
+
+
 def test_a_model_without_neighbours_can_have_larger_noise() -> None:
     bare = Level(noise(1), BLOCKS, 1e4)
     larger = with_noise(bare, FoundNoise(factor=2.0))
