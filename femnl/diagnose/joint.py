@@ -270,10 +270,7 @@ class JointModel(MeasurementModel):
         for k, (owner, spec) in enumerate(result.model.parameters):
             values_alone = []
             for group, single in alone.items():
-                names = [
-                    (o, self.names[group][n.name] if o == "base" else n.name)
-                    for o, n in single.model.parameters
-                ]
+                names = [self._name_here(group, o, n.name) for o, n in single.model.parameters]
                 if (owner, spec.name) in names:
                     i = names.index((owner, spec.name))
                     values_alone.append((group, _number(single, i)))
@@ -291,6 +288,17 @@ class JointModel(MeasurementModel):
         return tuple(notes) or (
             "joint: the measurements have no parameter in common, so each is judged by itself",
         )
+
+    def _name_here(self, group: str, owner: str, name: str) -> tuple[str, str]:
+        """Return owner and name here of a parameter that one measurement knows by its own name."""
+        if owner == "base":
+            return owner, self.names[group][name]
+        here = {
+            (effect, own): joint
+            for (effect, joint), (own, groups) in self.places.items()
+            if group in groups
+        }
+        return owner, here.get((owner, name), name)
 
 
 def _number(result: FitResult, which: int) -> tuple[float, float]:

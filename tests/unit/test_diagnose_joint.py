@@ -18,6 +18,7 @@ from femnl.diagnose.joint import JointModel
 from femnl.diagnose.pose_joint import pose_joint
 from femnl.diagnose.posing import pose
 from femnl.effects import library
+from femnl.fits.least_squares import fit
 from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
@@ -258,3 +259,12 @@ def test_forces_on_two_modes_are_one_each(tmp_path: Path) -> None:
     of_modes = [spec.name for spec in effects["nonlinear_damping"].parameters]
     assert of_modes == ["first+again.eta", "other.eta"]
     assert [spec.name for spec in effects["crosstalk"].parameters] == ["real", "imag"]
+    model = joint_with_effects(path)[0]
+    extended = ExtendedModel(model, (effects["nonlinear_damping"],))
+    base = dict(zip([spec.name for spec in model.base], model.start, strict=True))
+    damping = dict.fromkeys(of_modes, 0.0)
+    notes = model.bought(fit(extended, extended.pack(base, [damping])))
+    (told,) = [note for note in notes if "nonlinear_damping" in note]
+    assert told.startswith("joint: nonlinear_damping.first+again.eta ")
+    assert "; alone first " in told
+    assert ", again " in told
