@@ -13,7 +13,7 @@ from femnl import load
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError
 from femnl.core.resources import find_geometry
-from femnl.device.geometry import parse
+from femnl.device.geometry import curves, parse
 from femnl.device.layout import import_layout
 from femnl.device.mesh import covers
 from femnl.device.mesh.symmetry import FULL, find_wedge
@@ -54,6 +54,51 @@ def test_a_curve_within_another_of_its_layer_is_refused(tmp_path: Path) -> None:
         space.add_circle((0, 0), 20, dxfattribs={"layer": "F"})
 
     with pytest.raises(GeometryError, match=r"film: the curve at .* lies within another"):
+        imported(dxf(tmp_path / "a.dxf", draw), film="F")
+
+
+def hatched(space: ezdxf.layouts.Modelspace) -> None:
+    """Draw a film with a round end, a round hole, an elliptic one and one of four edges."""
+    bulge = np.tan(np.pi / 8)
+    corners = [(-100, -50, 0), (100, -50, bulge), (150, 0, bulge), (100, 50, 0), (-100, 50, 0)]
+    space.add_hatch(dxfattribs={"layer": "F"}).paths.add_polyline_path(corners, is_closed=True)
+    borders = [space.add_hatch(dxfattribs={"layer": "H"}).paths.add_edge_path() for _ in range(3)]
+    borders[0].add_arc((0, 0), 10, 0, 360)
+    borders[1].add_ellipse((40, 0), (12, 5), 0.4, 0, 360)
+    borders[2].add_line((-60, -10), (-40, -10))
+    borders[2].add_arc((-40, 0), 10, -90, 90)
+    borders[2].add_line((-40, 10), (-60, 10))
+    borders[2].add_spline(control_points=[(-60, 10), (-75, 0), (-60, -10)], degree=2)
+
+
+def test_borders_of_hatches_are_read_where_nothing_else_is_drawn(tmp_path: Path) -> None:
+    model = imported(dxf(tmp_path / "a.dxf", hatched), film="F", holes="H")
+    assert curves.area(model.outline) == pytest.approx(200 * 100e-12 + np.pi / 2 * 2500e-12)
+    assert model.holes.radius == pytest.approx(10e-6)
+    parabola = 2 / 3 * 20 * 7.5
+    areas = sorted(curves.area(o) * 1e12 for o in model.openings)
+    assert areas == pytest.approx([np.pi * 0.4 * 169, 400 + np.pi / 2 * 100 + parabola], rel=1e-4)
+
+
+def test_a_hatch_beside_lines_is_left_out_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        square(space, 100)
+        fill = space.add_hatch(dxfattribs={"layer": "F"})
+        fill.paths.add_polyline_path([(-90, -90), (90, -90), (90, 90)], is_closed=True)
+
+    model = imported(dxf(tmp_path / "a.dxf", draw), film="F")
+    assert model.outline.length == pytest.approx(200 * UM)
+    assert "layer F (film): 1 hatches are left out" in caplog.text
+
+
+def test_a_hatch_seen_from_below_is_refused(tmp_path: Path) -> None:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        fill = space.add_hatch(dxfattribs={"layer": "F", "extrusion": (0, 0, -1)})
+        fill.paths.add_polyline_path([(-90, -90), (90, -90), (90, 90)], is_closed=True)
+
+    with pytest.raises(GeometryError, match="layer F: a hatch is drawn on a plane seen from below"):
         imported(dxf(tmp_path / "a.dxf", draw), film="F")
 
 

@@ -1,5 +1,6 @@
 """DXF through ezdxf."""
 
+import logging
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -8,6 +9,18 @@ from typing import Any
 import ezdxf
 import numpy as np
 from ezdxf import units
+from ezdxf.entities import (
+    Arc,
+    ArcEdge,
+    Circle,
+    Ellipse,
+    EllipseEdge,
+    Line,
+    LineEdge,
+    LWPolyline,
+    PolylinePath,
+    Spline,
+)
 from numpy.typing import NDArray
 
 from femnl.core.errors import GeometryError, one_line, suggest
@@ -21,31 +34,49 @@ from femnl.device.layout.drawing import Drawing, Loop
 
 Array = NDArray[np.float64]
 
-DRAWN = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE", "INSERT"}
+DRAWN = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"}
+FILLED = {"HATCH", "MPOLYGON"}
+FULL = 360 - 1e-9  # degrees of an arc that is a circle
 WITHIN = GRID  # m, how far arcs may leave a spline
 
 
 def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | None) -> Drawing:
-    """Read lines, arcs, circles, ellipses, splines and polylines; see `readers.read_drawing`."""
+    """Read lines, arcs, circles, ellipses, splines and polylines; see `readers.read_drawing`.
+
+    The borders of hatches are read on a layer that has nothing else: beside drawn lines they mostly
+    fill these.
+    """
     try:
         document = ezdxf.readfile(path)
     except (OSError, ezdxf.DXFError, UnicodeDecodeError, StopIteration) as error:
         raise GeometryError(one_line(f"{path}: not a whole DXF file; export it again")) from error
     size = _unit(path, document.units, unit)
-    drawn: Any = document.modelspace()
+    space: Any = document.modelspace()
     if cell is not None:
         names = [block.name for block in document.blocks if not block.name.startswith("*")]
         if cell not in names:
             raise GeometryError(one_line(f"{path}: no block {cell}; {suggest(cell, names)}"))
-        drawn = document.blocks[cell]
-    entities = list(_flat(drawn))
+        space = document.blocks[cell]
+    entities = list(_flat(space))
+    drawn = [e for e in entities if e.dxftype() in DRAWN]
+    filled = [e for e in entities if e.dxftype() in FILLED]
     polygons = {}
     loops = {}
     faults = []
     for role, layer in layers.items():
-        pieces = [p for e in entities if e.dxf.layer == layer for p in _pieces(e, size)]
+        lines, hatches = ([e for e in kinds if e.dxf.layer == layer] for kinds in (drawn, filled))
+        if lines and hatches:
+            logging.getLogger("femnl").warning(
+                "%s: layer %s (%s): %d hatches are left out, as they fill what lines bound; draw "
+                "the border of any that do not",
+                path,
+                layer,
+                role,
+                len(hatches),
+            )
+        pieces = [p for e in lines or hatches for p in _pieces(e, size)]
         if not pieces:
-            known = sorted({e.dxf.layer for e in entities})
+            known = sorted({e.dxf.layer for e in drawn + filled})
             raise GeometryError(
                 one_line(
                     f"{path}: layer {layer} ({role}) is empty; expected one of {', '.join(known)}"
@@ -88,13 +119,19 @@ def _flat(drawn: Any) -> Iterator[Any]:
                     if inner.dxf.layer == "0":
                         inner.dxf.layer = entity.dxf.layer
                     yield inner
-        elif entity.dxftype() in DRAWN:
+        else:
             yield entity
 
 
 def _pieces(entity: Any, size: float) -> list[Loop]:
     """An entity as chains of lines and arcs [m]."""
     kind = entity.dxftype()
+    if kind in FILLED:
+        if entity.dxf.extrusion.z <= 0:
+            raise GeometryError(
+                f"layer {entity.dxf.layer}: a hatch is drawn on a plane seen from below; explode it"
+            )
+        return [p for border in entity.paths for e in _bordering(border) for p in _pieces(e, size)]
     if kind in ("LWPOLYLINE", "POLYLINE"):
         parts = [_pieces(part, size)[0] for part in entity.virtual_entities()]
         # Closed ones may repeat their first corner
@@ -114,6 +151,33 @@ def _pieces(entity: Any, size: float) -> list[Loop]:
         axes = (longer, longer * entity.dxf.ratio)
         return [ellipse(_at(entity.dxf.center, size), axes, float(np.arctan2(major.y, major.x)))]
     return [_smooth(entity.construction_tool(), size)]
+
+
+def _bordering(border: Any) -> list[Any]:
+    """The border of a hatch as the entities that draw it."""
+    if isinstance(border, PolylinePath):
+        line = LWPolyline.new()
+        line.set_points(border.vertices, format="xyb")
+        line.closed = True
+        return [line]
+    return [_edge(edge) for edge in border.edges]
+
+
+def _edge(edge: Any) -> Any:
+    """An edge of the border of a hatch as the entity that draws it."""
+    if isinstance(edge, LineEdge):
+        return Line.new(dxfattribs={"start": edge.start, "end": edge.end})
+    if isinstance(edge, ArcEdge):
+        round_ = {"center": edge.center, "radius": edge.radius}
+        if abs(edge.end_angle - edge.start_angle) >= FULL:
+            return Circle.new(dxfattribs=round_)
+        angles = {"start_angle": edge.start_angle, "end_angle": edge.end_angle}
+        return Arc.new(dxfattribs=round_ | angles)
+    if isinstance(edge, EllipseEdge):
+        return Ellipse.new(dxfattribs=edge.construction_tool().dxfattribs())
+    spline = Spline.new()
+    spline.apply_construction_tool(edge.construction_tool())
+    return spline
 
 
 def _arc(entity: Any, size: float) -> Segment:
