@@ -1,17 +1,20 @@
 """A mode that drifts out of the sweeps, by hundreds of linewidths in all, is followed."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from femnl.core.fit import Fit
 from femnl.diagnose.multistart import followed
 from femnl.diagnose.posing import Posing
 from femnl.diagnose.sent import sent
 from femnl.effects import library
 from femnl.fits.least_squares import fit
-from femnl.fits.response.first_fit import first_fit
+from femnl.fits.response.first_fit import first_fit, of_drift, of_one_sweep
+from femnl.fits.response.fit import fit_response
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.model import MeasurementModel
 from tests.blind.realistic.files import Draw, make
@@ -83,6 +86,32 @@ def test_one_sweep_leaves_other_positions_what_all_sweeps_say_of_them() -> None:
     assert found["linewidth"] == pytest.approx(100, rel=0.01)
     assert found["y_max[0]"] == pytest.approx(2e-3, rel=0.01)
     assert found["y_max[1]"] > 0.1
+
+
+def test_a_drift_is_told_before_all_sweeps_are_fitted_in_vain(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+
+    def counted(dataset: xr.Dataset, *args: str, **options: Any) -> Fit:
+        asked.append((dataset.sizes["sweep"], options["background"]))
+        return fit_response(dataset, *args, **options)
+
+    monkeypatch.setattr("femnl.fits.response.first_fit.fit_response", counted)
+    first_fit(drifting([0.0] * 4, [0.02] * 4, [0.3] * 4), ("",), None)
+    assert [background for size, background in asked if size > 1] == ["none", "none"]
+
+
+def test_sweeps_that_agree_show_no_drift() -> None:
+    """What leads a fit to all of them astray is something else."""
+    drifts = drifting([0.0] * 4, [0.02] * 4, [0.3] * 4)
+    astray = fit_response(drifts, "complex", background="none", duffing=True, phase_sign=1)
+    still = drifts.copy()
+    for name in ("real", "imag"):
+        still[name] = drifts[name].copy(data=np.tile(drifts[name].values[0], (4, 1)))
+    assert of_one_sweep(still, astray, 1, ("",)) is not None
+    assert of_drift(still, astray, 1, ("",)) is None
+    assert of_drift(drifts, astray, 1, ("",)) is not None
 
 
 def test_a_sweep_of_a_few_points_is_passed_over() -> None:

@@ -1,6 +1,7 @@
 """The mode that sweeps show at first sight: where a diagnosis of them starts."""
 
 import hashlib
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -67,17 +68,24 @@ def first_fit(
     def find() -> tuple[Array, Array]:
         look = first_look(clear, first_layout(clear, "complex"))
         sign = look.phase_sign
-        fitted, background, clearest = _fitted(
-            dataset, sign, place, clear.reference, on_circle=look.on_circle
-        )
-        if clearest.chi2_reduced > OTHER_SIGN:
-            # A strong leak may hide the sign of the phase from the few fits that were to tell it
-            other = _fitted(dataset, -sign, place, clear.reference)
-            if other[2].chi2_reduced < clearest.chi2_reduced / OTHER_SIGN:
-                sign = -sign
-                fitted, background, clearest = other
-        weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
-        one = None if background > 0 or weak else of_one_sweep(dataset, fitted, sign, place)
+        # On a circle beside a background, a fit without that would search in vain
+        plain = None if look.on_circle else _without_background(dataset, sign)
+        one = None if plain is None else of_drift(dataset, plain, sign, place)
+        weak = None
+        if plain is not None and one is not None:
+            fitted, background, clearest = plain, 0.0, plain
+        else:
+            fitted, background, clearest = _fitted(dataset, sign, place, clear.reference, plain)
+            if clearest.chi2_reduced > OTHER_SIGN:
+                # A strong leak may hide the sign of the phase from the few fits that were to tell
+                plain = _without_background(dataset, -sign)
+                other = _fitted(dataset, -sign, place, clear.reference, plain)
+                if other[2].chi2_reduced < clearest.chi2_reduced / OTHER_SIGN:
+                    sign = -sign
+                    fitted, background, clearest = other
+            weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
+            if background == 0 and weak is None:
+                one = of_one_sweep(dataset, fitted, sign, place)
         hidden = background > 0 or weak is not None or one is not None
         shown = weak or fitted
         values = {name: shown[name] for name in names}
@@ -103,12 +111,7 @@ def first_fit(
 
 
 def _fitted(
-    dataset: xr.Dataset,
-    sign: int,
-    place: tuple[str, ...],
-    reference: float,
-    *,
-    on_circle: bool = False,
+    dataset: xr.Dataset, sign: int, place: tuple[str, ...], reference: float, best: Fit | None
 ) -> tuple[Fit, float, Fit]:
     """Return a fit to start from, the background that hides the mode [V/V], and a fit for a sign.
 
@@ -120,13 +123,11 @@ def _fitted(
     Whether they are there is for the diagnosis to say; here they only make the start safe. A
     background that is weaker than the resonance mostly hides nothing: the mode is found without it.
 
-    Args: on_circle: whether a mode beside a background is known to meet the data.
+    Args: best: a fit without a background; None where a mode beside one is known to meet the data.
     """
-    if on_circle:
-        # A fit without the background would search in vain
+    if best is None:
         beside, background, resonance = _beside_leak(dataset, sign, place, reference)
         return beside, background if background > HIDES * resonance else 0.0, beside
-    best = _without_background(dataset, sign)
     if best.chi2_reduced < ADEQUATE:
         return best, 0.0, best
     beside, background, resonance = _beside_leak(dataset, sign, place, reference)
@@ -236,12 +237,35 @@ def of_one_sweep(
     was late. None where the fit to all may be right, where the sweep agrees with it, or where none
     of the first few is clear.
     """
-    kept, _ = first_harmonics(dataset)
-    if fitted.chi2_reduced < BENT or len(kept) == 1:
+    if fitted.chi2_reduced < BENT:
         return None
+    first = next(_clear_sweeps(dataset, sign, place), None)
+    return first if first is not None and _is_astray(fitted, first.fitted) else None
+
+
+def of_drift(
+    dataset: xr.Dataset, fitted: Fit, sign: int, place: tuple[str, ...]
+) -> OneSweep | None:
+    """Return what `of_one_sweep` does where a later sweep that is clear alone has the mode away.
+
+    That no background does, and no other sign of the phase, for which all sweeps would be fitted
+    in vain.
+    """
+    first = of_one_sweep(dataset, fitted, sign, place)
+    if first is None:
+        return None
+    later = (one.fitted for one in _clear_sweeps(dataset, sign, place))
+    return first if any(_away(one, first.fitted) > ELSEWHERE for one in later) else None
+
+
+def _clear_sweeps(dataset: xr.Dataset, sign: int, place: tuple[str, ...]) -> Iterator[OneSweep]:
+    """Yield fits to those of the first few sweeps, by rising time, that show the mode alone."""
+    kept, _ = first_harmonics(dataset)
     together = collect(dataset)
     time = dataset["time"].values[kept] if "time" in dataset else kept
-    for row in kept[np.argsort(time, kind="stable")][:FIRST_SWEEPS]:
+    # A fit to the only sweep there is is one to all
+    early = kept[np.argsort(time, kind="stable")][:FIRST_SWEEPS] if len(kept) > 1 else ()
+    for row in early:
         mine = together.row == row
         if not mine.any():
             continue
@@ -255,16 +279,18 @@ def of_one_sweep(
         drive = float(np.max(together.drive[mine])) * together.reference
         clear = alone["y_max"] * drive > CLEAR * together.noise
         if alone.chi2_reduced < ADEQUATE and low < alone["frequency"] < high and clear:
-            end = place[int(together.position[mine][0])]
-            return OneSweep(alone, end) if _is_astray(fitted, alone) else None
-    return None
+            yield OneSweep(alone, place[int(together.position[mine][0])])
 
 
 def _is_astray(one: Fit, right: Fit) -> bool:
     """Whether a fit finds another mode than the right one: elsewhere, or of another width."""
-    away = abs(one["frequency"] - right["frequency"]) / right["linewidth"]
     broader = abs(np.log(one["linewidth"] / right["linewidth"]))
-    return bool(away > ELSEWHERE or broader > np.log(OF_ANOTHER_WIDTH))
+    return bool(_away(one, right) > ELSEWHERE or broader > np.log(OF_ANOTHER_WIDTH))
+
+
+def _away(one: Fit, right: Fit) -> float:
+    """Return by how many linewidths of the right fit another one has the mode elsewhere."""
+    return float(abs(one["frequency"] - right["frequency"]) / right["linewidth"])
 
 
 def _shown_sign(fitted: Fit, stiffness: str) -> int:
