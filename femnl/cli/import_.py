@@ -7,6 +7,7 @@ import typer
 
 from femnl.cli._inputs import there
 from femnl.cli._output import note
+from femnl.core.errors import ParameterError
 from femnl.core.resources import need_file
 
 
@@ -15,17 +16,26 @@ def _described(spec: Path | None) -> Path | None:
     return None if spec is None else need_file(spec)
 
 
-Sources = Annotated[
+def _with_destination(paths: list[Path]) -> list[Path]:
+    """Refuse sources without a destination, and sources that are not there."""
+    if len(paths) == 1:
+        raise ParameterError(
+            f"{paths[0]} alone: name the measurement file to write last, such as "
+            f"{paths[0].stem}.nc"
+        )
+    return [*there(paths[:-1]), paths[-1]]
+
+
+Paths = Annotated[
     list[Path],
     typer.Argument(
+        metavar="FILE",
         help="Lab file(s): tables (CSV, .txt), MATLAB .mat, HDF5, LabOne, LabVIEW (.lvm, .tdms), "
-        "NumPy .npy, .wav, Gwyddion, Nanonis, traces and ring-downs of signal analysers.",
+        "NumPy .npy, .wav, Gwyddion, Nanonis, traces and ring-downs of signal analysers. Last, "
+        "the measurement file (.nc) to write.",
         show_default=False,
-        callback=there,
+        callback=_with_destination,
     ),
-]
-Dest = Annotated[
-    Path, typer.Argument(help="Measurement file (.nc) to write, last.", show_default=False)
 ]
 Spec = Annotated[
     Path | None,
@@ -37,10 +47,11 @@ Spec = Annotated[
 ]
 
 
-def command(sources: Sources, dest: Dest, spec: Spec = None) -> None:
-    """Import lab files into one measurement file; every repair is listed."""
+def command(paths: Paths, spec: Spec = None) -> None:
+    """Import lab files into one measurement file, named last; every repair is listed."""
     from femnl.io.labfiles import import_file
 
+    *sources, dest = paths
     tree = import_file(sources[0] if len(sources) == 1 else sources, dest, spec)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")

@@ -307,3 +307,11 @@ def test_import_turns_a_text_table_into_a_measurement_file(
     assert trace["time"].values[1] == pytest.approx(1e-3)
     assert run(["import", "none.csv", "x.nc"]) == 2
     assert lines(capsys)[1] == ["femnl: none.csv: no such file; check the path"]
+
+
+def test_import_without_a_destination_says_what_is_missing(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["import", "scope.csv"]) == 2
+    told = "femnl: scope.csv alone: name the measurement file to write last, such as scope.nc"
+    assert lines(capsys)[1] == [told]
