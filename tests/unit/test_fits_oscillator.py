@@ -127,6 +127,24 @@ def test_a_missing_term_shows_in_what_is_left(motion: tuple[Array, Array]) -> No
     assert errors[2] < 1e-5 < 1e-3 < errors[1] < errors[0] / 3
 
 
+def test_a_term_that_ends_at_zero_is_known_as_well_as_any_other() -> None:
+    """What comes again with the other sign, drive, motion and noise alike, has no offset."""
+    rng = np.random.default_rng(3)
+    drive = np.where(np.arange(1500) < 1100, rng.standard_normal(1500), 0.0)
+    drive = np.concatenate([drive, -drive])
+    swing = TRUTH["mass"], TRUTH["damping"], TRUTH["stiffness"]
+    output = lsim(([1.0], swing), drive, np.arange(3000) / RATE, interp=False)[1]
+    noise = 1e-3 * rng.standard_normal(1500)
+    fit = fit_oscillator(
+        drive, output + np.concatenate([noise, -noise]), RATE, ("offset",), hold="zero-order"
+    )
+    offset = fit.parameters["offset"]
+    assert abs(offset.value) < 1e-3 * offset.sd
+    # That of a mean: a constant force moves the output by itself over the stiffness
+    assert offset.sd == pytest.approx(TRUTH["stiffness"] * 1e-3 / np.sqrt(3000), rel=0.2)
+    assert not any("do not determine" in note for note in fit.notes)
+
+
 @pytest.mark.shared
 def test_the_silverbox_falls_below_four_tenths_of_a_millivolt() -> None:
     if not SILVERBOX.exists():

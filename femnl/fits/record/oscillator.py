@@ -138,7 +138,11 @@ def fit_oscillator(
         )
     residual, slopes = _misfit(names, values, record)
     noise = float(np.std(residual))
-    found, blind = held.covariance(slopes / noise, np.maximum(np.abs(values), np.finfo(float).tiny))
+    # What would move the output by as much as it holds: a term that ends at 0 may be well known
+    size = np.linalg.norm(slopes, axis=0)
+    whole = np.linalg.norm(record.output)
+    matters = np.divide(whole, size, out=np.zeros_like(size), where=size > 0)
+    found, blind = held.covariance(slopes / noise, matters)
     parameters = {
         name: Parameter(name, float(v), float(s), "")
         for name, v, s in zip(names, values, np.sqrt(np.diag(found)), strict=True)
