@@ -25,6 +25,17 @@ def unseen(jacobian: Array, unit: Array) -> np.ndarray[tuple[int], np.dtype[np.b
     return np.asarray(np.linalg.norm(jacobian, axis=0) * unit < 1e-3)
 
 
+def moving_all(jacobian: Array, data: Array) -> Array:
+    """Return the step (k,) of each parameter that moves data (n,) by as much as they hold.
+
+    It does for a parameter that ends at 0, whose own value says nothing. It is 0 where the data do
+    not move. Args: jacobian (n, k), in the unit of the data.
+    """
+    size = np.linalg.norm(jacobian, axis=0)
+    moving = size > 0
+    return np.where(moving, np.linalg.norm(data) / np.where(moving, size, 1.0), 0.0)
+
+
 def covariance(jacobian: Array, names: Sequence[str], unit: Array) -> tuple[Array, tuple[str, ...]]:
     """Return (JᵀJ)⁻¹ over what the data determine, and sentences on what they do not.
 

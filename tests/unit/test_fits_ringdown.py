@@ -151,3 +151,15 @@ def test_records_without_a_decay_are_refused_in_one_line() -> None:
     unknown: Any = "power"
     with pytest.raises(ParameterError, match="kind = 'power'"):
         fit_ringdown(time, time, unknown)
+
+
+def test_a_phase_that_ends_at_zero_is_known() -> None:
+    """Of a decay that is real at the frequency of demodulation, with noise in its real part."""
+    rng = np.random.default_rng(4)
+    time = np.linspace(0, 4.0, 400)
+    size = np.exp(-time) + 0.01 * rng.standard_normal(400)
+    fit = fit_ringdown(time, size.astype(complex), "complex", frequency=2e4, nonlinear=False)
+    phase = fit.parameters["phase"]
+    assert abs(phase.value) < 1e-3 * phase.sd
+    assert np.isfinite(phase.sd)
+    assert not any("do not determine" in note for note in fit.notes)

@@ -11,7 +11,7 @@ from scipy.optimize import leastsq
 
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.covariance import derived
+from femnl.fits.covariance import derived, moving_all
 from femnl.fits.decay.model import Array, Decay, Numbers, Signal, strongest
 from femnl.fits.held import Held, hold_fixed
 
@@ -99,10 +99,8 @@ def fit_ringdown(
     noise = noise_sd or decay.noise(values)
     spread = decay.spread(values, noise)
     rest = (decay.data - decay.model(values)) / spread
-    found, blind = held.covariance(
-        decay.jacobian(values) / spread[:, None],
-        np.maximum(np.abs(values), np.finfo(float).tiny),
-    )
+    slopes = decay.jacobian(values) / spread[:, None]
+    found, blind = held.covariance(slopes, moving_all(slopes, decay.data / spread))
     notes = [f"{np.count_nonzero(~good)} missing samples left out"] if not good.all() else []
     notes += (
         []

@@ -9,7 +9,7 @@ from scipy.optimize import leastsq
 
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.covariance import STEP, derived
+from femnl.fits.covariance import STEP, derived, moving_all
 from femnl.fits.held import Held, hold_fixed
 from femnl.fits.record.start import (
     ONE_FREQUENCY,
@@ -138,11 +138,7 @@ def fit_oscillator(
         )
     residual, slopes = _misfit(names, values, record)
     noise = float(np.std(residual))
-    # What would move the output by as much as it holds: a term that ends at 0 may be well known
-    size = np.linalg.norm(slopes, axis=0)
-    whole = np.linalg.norm(record.output)
-    matters = np.divide(whole, size, out=np.zeros_like(size), where=size > 0)
-    found, blind = held.covariance(slopes / noise, matters)
+    found, blind = held.covariance(slopes / noise, moving_all(slopes, record.output))
     parameters = {
         name: Parameter(name, float(v), float(s), "")
         for name, v, s in zip(names, values, np.sqrt(np.diag(found)), strict=True)
