@@ -73,7 +73,10 @@ def _many_steps(dataset: xr.Dataset) -> Figure:
     voltage = dataset["voltage"].values
     divisor, unit = prefixed(time, "s")
     scale, volt = prefixed(voltage, "V")
-    has_drive = "drive_frequency" in dataset.coords
+    # Steps of which some have no frequency are counted
+    has_drive = "drive_frequency" in dataset.coords and bool(
+        np.isfinite(dataset["drive_frequency"].values).all()
+    )
     steps = dataset["drive_frequency"].values if has_drive else np.arange(1.0, voltage.shape[0] + 1)
     step_scale, step_unit = prefixed(steps, "Hz") if has_drive else (1.0, "")
     step_label = axis_label("drive frequency" if has_drive else "step", step_unit)

@@ -396,6 +396,7 @@ def test_the_command_line_holds_values_with_their_units(
         (["series.nc", "--fix", "slope=1 kg"], "--fix slope: unit 'kg' is not a unit of this"),
         (["decay.nc", "--fix", "decay_rate=fast"], "--fix decay_rate: 'fast' is not a quantity"),
         (["map.nc", "--fix", "nonsense=1 m"], "'nonsense' is no parameter of these maps"),
+        (["map.nc", "--fix", "amplitude=-1"], "amplitude = -1 m: no film is read as far as"),
         (["trace.nc", "--fix", "amplitude=1 nm"], "'amplitude' is no parameter of the motion"),
         (["trace.nc", "--fix", "contrast"], "--fix contrast: expected NAME=VALUE"),
         (

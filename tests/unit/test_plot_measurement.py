@@ -71,6 +71,13 @@ def test_every_kind_is_drawn_and_described(kind: str) -> None:
     assert kind in text
 
 
+def test_steps_of_which_one_has_no_frequency_are_counted() -> None:
+    trace = _dataset("trace")
+    trace = trace.assign_coords(drive_frequency=("step", [1e6, np.nan, 1.2e6]))
+    (drawn,) = figures(measurement.bundle({"mine": trace})).values()
+    assert "step" in [axes.get_ylabel() for axes in drawn.axes]
+
+
 def test_a_map_has_a_panel_for_each_harmonic_with_colours_centred_on_zero() -> None:
     picture = harmonic_map_figure(
         _dataset("map"), outline=1e-4 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])

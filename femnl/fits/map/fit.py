@@ -17,6 +17,8 @@ MIRRORS = {"−θ": (-1, 0.0), "π − θ": (-1, np.pi)}
 """The other working points of one cosine with the same |sin θ| and |cos θ|, as sign and shift; the
 third is both at once.
 """
+FARTHEST = 1e-4
+"""Amplitude [m] beyond which the fringes that a motion passes take the memory of a machine."""
 FIRST = 8
 """Evaluations that every optimum of the coarse search gets before the best two go on."""
 SAME = 1.0
@@ -112,10 +114,19 @@ def _need_data(count: int, parameters: int) -> None:
 
 
 def _checked(fixed: Mapping[str, float]) -> Mapping[str, float]:
-    """Return what is held. Raises: ParameterError for a motion or a contrast of 0."""
+    """Return what is held.
+
+    Raises: ParameterError for a motion or a contrast of 0, and for a motion through fringes without
+    number.
+    """
     for name, value in fixed.items():
         if name.partition(":")[0] in ("amplitude", "contrast") and value == 0:
             raise ParameterError(f"fixed: {name} = 0: gives no signal; give another value")
+        if name == "amplitude" and abs(value) > FARTHEST:
+            raise ParameterError(
+                f"fixed: amplitude = {value:g} m: no film is read as far as {FARTHEST:g} m; give "
+                "its amplitude in m, or with its unit"
+            )
     return fixed
 
 
