@@ -20,8 +20,7 @@ def _with_destination(paths: list[Path]) -> list[Path]:
     """Refuse sources without a destination, and sources that are not there."""
     if len(paths) == 1:
         raise ParameterError(
-            f"{paths[0]} alone: name the measurement file to write last, such as "
-            f"{paths[0].stem}.nc"
+            f"{paths[0]} alone: name the measurement file to write last, such as {paths[0].stem}.nc"
         )
     return [*there(paths[:-1]), paths[-1]]
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from femnl.core.choices import Use
 from femnl.core.fit import Fit
 from femnl.diagnose.multistart import followed
 from femnl.diagnose.posing import Posing
@@ -93,9 +94,9 @@ def test_a_drift_is_told_before_all_sweeps_are_fitted_in_vain(
 ) -> None:
     asked = []
 
-    def counted(dataset: xr.Dataset, *args: str, **options: Any) -> Fit:
+    def counted(dataset: xr.Dataset, use: Use, **options: Any) -> Fit:
         asked.append((dataset.sizes["sweep"], options["background"]))
-        return fit_response(dataset, *args, **options)
+        return fit_response(dataset, use, **options)
 
     monkeypatch.setattr("femnl.fits.response.first_fit.fit_response", counted)
     first_fit(drifting([0.0] * 4, [0.02] * 4, [0.3] * 4), ("",), None)

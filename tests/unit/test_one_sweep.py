@@ -1,7 +1,5 @@
 """A single sweep is held out in parts, as decays are: a fit to no data predicts nothing."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
