@@ -93,6 +93,35 @@ def test_a_hatch_beside_lines_is_left_out_and_told(
     assert "layer F (film): 1 hatches are left out" in caplog.text
 
 
+def test_shapes_that_are_not_read_and_widths_of_lines_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        square(space, 100)
+        space.add_circle((0, 0), 5, dxfattribs={"layer": "H"})
+        space.add_solid([(30, 30), (40, 30), (30, 40), (40, 40)], dxfattribs={"layer": "H"})
+        space.add_text("name", dxfattribs={"layer": "H"})
+        corners = [(-50, -50), (-40, -50), (-40, -40)]
+        space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "H", "const_width": 2})
+
+    imported(dxf(tmp_path / "a.dxf", draw), film="F", holes="H")
+    assert "layer H: SOLID are not read and left out" in caplog.text
+    assert "layer H: polylines have a width, which is not read" in caplog.text
+
+
+def test_a_closed_spline_is_an_outline(tmp_path: Path) -> None:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        turn = np.arange(8) * np.pi / 4
+        corners = [(100 * np.cos(t), 60 * np.sin(t), 0) for t in turn]
+        space.add_spline(dxfattribs={"layer": "F"}).set_closed(corners)
+
+    model = imported(dxf(tmp_path / "a.dxf", draw), film="F")
+    # A uniform cubic spline of eight points on a circle is one of radius (2 + cos 45°)/3 to 1e-3
+    radius = (2 + np.cos(np.pi / 4)) / 3
+    area = np.pi * 100 * 60 * radius**2 * UM**2
+    assert curves.area(model.outline) == pytest.approx(area, rel=2e-3)
+
+
 def test_a_hatch_seen_from_below_is_refused(tmp_path: Path) -> None:
     def draw(space: ezdxf.layouts.Modelspace) -> None:
         fill = space.add_hatch(dxfattribs={"layer": "F", "extrusion": (0, 0, -1)})

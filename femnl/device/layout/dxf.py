@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 
 DRAWN = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"}
 FILLED = {"HATCH", "MPOLYGON"}
+LETTERING = {"TEXT", "MTEXT", "DIMENSION", "LEADER", "MULTILEADER", "POINT", "ATTDEF", "VIEWPORT"}
 FULL = 360 - 1e-9  # degrees of an arc that is a circle
 WITHIN = GRID  # m, how far arcs may leave a spline
 
@@ -64,6 +65,7 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
     loops = {}
     faults = []
     for role, layer in layers.items():
+        _tell_what_is_not_read(path, layer, [e for e in entities if e.dxf.layer == layer])
         lines, hatches = ([e for e in kinds if e.dxf.layer == layer] for kinds in (drawn, filled))
         if lines and hatches:
             logging.getLogger("femnl").warning(
@@ -85,6 +87,25 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
         polygons[role], loops[role], seen = closed(pieces, f"layer {layer} ({role})")
         faults += seen
     return Drawing(cell or path.stem, GRID, polygons, loops, tuple(faults))
+
+
+def _tell_what_is_not_read(path: Path, layer: str, entities: list[Any]) -> None:
+    """Warn of shapes of a layer that are not read, and of widths of its polylines."""
+    other = {e.dxftype() for e in entities} - DRAWN - FILLED - LETTERING
+    if other:
+        logging.getLogger("femnl").warning(
+            "%s: layer %s: %s are not read and left out; draw them as polylines",
+            path,
+            layer,
+            " and ".join(sorted(other)),
+        )
+    if any(e.dxftype() == "LWPOLYLINE" and e.has_width for e in entities):
+        logging.getLogger("femnl").warning(
+            "%s: layer %s: polylines have a width, which is not read; draw the border of what they "
+            "cover",
+            path,
+            layer,
+        )
 
 
 def _unit(path: Path, known: int, unit: str | None) -> float:
@@ -203,7 +224,9 @@ def _smooth(tool: Any, size: float) -> Loop:
         along = np.array([slope.x, slope.y])
         return np.array([point.x, point.y]) * size, along / np.hypot(*along)
 
-    knots = np.unique(spline.knots())
+    # A closed spline may have knots beyond its ends
+    ends = spline.degree
+    knots = np.unique(spline.knots()[ends : len(spline.knots()) - ends])
     pieces: list[Segment] = []
     for low, high in pairwise(knots):
         pieces += arcs_along(curve, float(low), float(high), WITHIN)

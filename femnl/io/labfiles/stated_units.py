@@ -12,14 +12,20 @@ from femnl.io.measurement import KINDS, to_si
 from femnl.io.measurement.units import is_unit_of
 
 _IN_BRACKETS = re.compile(r".*\S\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")
-_BEHIND = re.compile(r".*\S(?:\s*/\s*|[ _])((?:[fpnuµμmkMGT](?:Hz|V|s|m|A|W|Pa|K|N|T|rad))|Hz|deg)")
+_BEHIND_SLASH = re.compile(r".*\S\s*/\s*([^\s/]+)")
+_BEHIND = re.compile(
+    r".*\S[ _]((?:[fpnuµμmkMGT](?:Hz|V|s|m|A|W|Pa|K|N|T|rad))|Hz|deg|m?bar|[Tt]orr|degC|°C?|min)"
+)
 _RMS = re.compile(r"(\w*V)[ _]?rms", re.IGNORECASE)
 
 
 def heading_unit(heading: str) -> str:
     """Return what stands for a unit in a heading, "" without any: "f [kHz]", "f / kHz", "f_kHz"."""
-    match = _IN_BRACKETS.fullmatch(heading) or _BEHIND.fullmatch(heading)
-    return match[1] if match else ""
+    for known in (_IN_BRACKETS, _BEHIND_SLASH, _BEHIND):
+        match = known.fullmatch(heading)
+        if match:
+            return match[1]
+    return ""
 
 
 def as_stated(spec: Spec, units: Mapping[str, str], where: str) -> tuple[Spec, list[str]]:
@@ -45,6 +51,11 @@ def as_stated(spec: Spec, units: Mapping[str, str], where: str) -> tuple[Spec, l
             )
         found = rms[1] if rms else found
         if not _fits(found, name, spec):
+            if found and column.unit is None and (si := _si(name, spec)):
+                notes.append(
+                    f"{place}: {found!r} of {str(column.column)!r} is no unit of it that is known, "
+                    f"so that numbers are taken in {si}; give unit where they are not"
+                )
             continue
         if column.unit is None:
             columns[name] = column.model_copy(update={"unit": found})
