@@ -64,7 +64,7 @@ def hatched(space: ezdxf.layouts.Modelspace) -> None:
     space.add_hatch(dxfattribs={"layer": "F"}).paths.add_polyline_path(corners, is_closed=True)
     borders = [space.add_hatch(dxfattribs={"layer": "H"}).paths.add_edge_path() for _ in range(3)]
     borders[0].add_arc((0, 0), 10, 0, 360)
-    borders[1].add_ellipse((40, 0), (12, 5), 0.4, 0, 360)
+    borders[1].add_ellipse((40, 0), (12, 5), 0.4, 90, 450)
     borders[2].add_line((-60, -10), (-40, -10))
     borders[2].add_arc((-40, 0), 10, -90, 90)
     borders[2].add_line((-40, 10), (-60, 10))
@@ -122,9 +122,12 @@ def test_a_closed_spline_is_an_outline(tmp_path: Path) -> None:
     assert curves.area(model.outline) == pytest.approx(area, rel=2e-3)
 
 
-def test_a_hatch_seen_from_below_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("normal", [(0, 0, -1), (0, 0.6, 0.8)])
+def test_a_hatch_seen_from_below_or_tilted_is_refused(
+    tmp_path: Path, normal: tuple[float, float, float]
+) -> None:
     def draw(space: ezdxf.layouts.Modelspace) -> None:
-        fill = space.add_hatch(dxfattribs={"layer": "F", "extrusion": (0, 0, -1)})
+        fill = space.add_hatch(dxfattribs={"layer": "F", "extrusion": normal})
         fill.paths.add_polyline_path([(-90, -90), (90, -90), (90, 90)], is_closed=True)
 
     with pytest.raises(GeometryError, match="layer F: a hatch is drawn on a plane seen from below"):

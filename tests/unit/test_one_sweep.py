@@ -1,5 +1,7 @@
 """A single sweep is held out in parts, as decays are: a fit to no data predicts nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -10,6 +12,7 @@ from femnl.effects import library
 from femnl.fits.least_squares import FitResult, fit
 from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel
+from femnl.observe.response.model import ResponseModel
 from tests.blind.realistic.files import Draw, make
 
 CAUSE = "sloping_background"
@@ -52,3 +55,10 @@ def test_what_one_sweep_holds_out_is_predicted_by_fits_that_have_not_seen_it(
     assert right.cross_validation.p_value > 0.01
     assert bare.cross_validation.chi2_reduced > 1.1 * bare.chi2 / bare.degrees
     assert bare.cross_validation.p_value < 1e-6
+
+
+def test_no_drift_is_followed_within_one_sweep(fitted: tuple[FitResult, FitResult]) -> None:
+    """Its parts have no order in time, whatever hides the mode."""
+    model = fitted[0].model.base_model
+    assert isinstance(model, ResponseModel)
+    assert len(replace(model, hidden=True).order_of_blocks) == 0

@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 DRAWN = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"}
 FILLED = {"HATCH", "MPOLYGON"}
 LETTERING = {"TEXT", "MTEXT", "DIMENSION", "LEADER", "MULTILEADER", "POINT", "ATTDEF", "VIEWPORT"}
+FLAT = 1e-9
 FULL = 360 - 1e-9  # degrees of an arc that is a circle
 WITHIN = GRID  # m, how far arcs may leave a spline
 
@@ -148,9 +149,10 @@ def _pieces(entity: Any, size: float) -> list[Loop]:
     """An entity as chains of lines and arcs [m]."""
     kind = entity.dxftype()
     if kind in FILLED:
-        if entity.dxf.extrusion.z <= 0:
+        if entity.dxf.extrusion.z < 1 - FLAT:
             raise GeometryError(
-                f"layer {entity.dxf.layer}: a hatch is drawn on a plane seen from below; explode it"
+                f"layer {entity.dxf.layer}: a hatch is drawn on a plane seen from below, as in a "
+                "mirrored block, or tilted; draw its border"
             )
         return [p for border in entity.paths for e in _bordering(border) for p in _pieces(e, size)]
     if kind in ("LWPOLYLINE", "POLYLINE"):
@@ -195,7 +197,10 @@ def _edge(edge: Any) -> Any:
         angles = {"start_angle": edge.start_angle, "end_angle": edge.end_angle}
         return Arc.new(dxfattribs=round_ | angles)
     if isinstance(edge, EllipseEdge):
-        return Ellipse.new(dxfattribs=edge.construction_tool().dxfattribs())
+        shape = edge.construction_tool().dxfattribs()
+        if abs(edge.end_angle - edge.start_angle) >= FULL:
+            shape |= {"start_param": 0.0, "end_param": 2 * np.pi}
+        return Ellipse.new(dxfattribs=shape)
     spline = Spline.new()
     spline.apply_construction_tool(edge.construction_tool())
     return spline

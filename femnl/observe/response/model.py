@@ -342,8 +342,8 @@ class ResponseModel(MeasurementModel):
 
     @property
     def order_of_blocks(self) -> NDArray[np.int64]:
-        """Sweeps in the order of their time, where something hides the mode."""
-        if not self.hidden:
+        """Sweeps in the order of their time, where something hides the mode in several."""
+        if not self.hidden or len(self.sweeps.spans) == 1:
             return np.empty(0, np.int64)
         begins = [self.time[span].min() for span in self.sweeps.spans]
         return np.argsort(begins, kind="stable")
