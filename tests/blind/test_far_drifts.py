@@ -1,21 +1,21 @@
 """A mode that drifts out of the sweeps, by hundreds of linewidths in all, is followed."""
 
+from cProfile import Profile
 from pathlib import Path
-from typing import Any
+from pstats import Stats
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from femnl.core.choices import Use
-from femnl.core.fit import Fit
 from femnl.diagnose.multistart import followed
 from femnl.diagnose.posing import Posing
 from femnl.diagnose.sent import sent
 from femnl.effects import library
 from femnl.fits.least_squares import fit
-from femnl.fits.response.first_fit import first_fit, of_drift, of_one_sweep
+from femnl.fits.response.first_fit import beside_leak, first_fit
 from femnl.fits.response.fit import fit_response
+from femnl.fits.response.single_sweeps import SingleSweeps, without_background
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.model import MeasurementModel
 from tests.blind.realistic.files import Draw, make
@@ -89,18 +89,12 @@ def test_one_sweep_leaves_other_positions_what_all_sweeps_say_of_them() -> None:
     assert found["y_max[1]"] > 0.1
 
 
-def test_a_drift_is_told_before_all_sweeps_are_fitted_in_vain(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    asked = []
-
-    def counted(dataset: xr.Dataset, use: Use, **options: Any) -> Fit:
-        asked.append((dataset.sizes["sweep"], options["background"]))
-        return fit_response(dataset, use, **options)
-
-    monkeypatch.setattr("femnl.fits.response.first_fit.fit_response", counted)
-    first_fit(drifting([0.0] * 4, [0.02] * 4, [0.3] * 4), ("",), None)
-    assert [background for size, background in asked if size > 1] == ["none", "none"]
+def test_a_drift_is_told_before_all_sweeps_are_fitted_in_vain() -> None:
+    with Profile() as profile:
+        first_fit(drifting([0.0] * 4, [0.02] * 4, [0.3] * 4), ("",), None)
+    called = Stats(profile).get_stats_profile().func_profiles
+    assert without_background.__name__ in called
+    assert beside_leak.__name__ not in called
 
 
 def test_sweeps_that_agree_show_no_drift() -> None:
@@ -110,9 +104,20 @@ def test_sweeps_that_agree_show_no_drift() -> None:
     still = drifts.copy()
     for name in ("real", "imag"):
         still[name] = drifts[name].copy(data=np.tile(drifts[name].values[0], (4, 1)))
-    assert of_one_sweep(still, astray, 1, ("",)) is not None
-    assert of_drift(still, astray, 1, ("",)) is None
-    assert of_drift(drifts, astray, 1, ("",)) is not None
+    assert SingleSweeps(still, ("",)).earliest_clear(astray, 1) is not None
+    assert SingleSweeps(still, ("",)).of_drift(astray, 1) is None
+    assert SingleSweeps(drifts, ("",)).of_drift(astray, 1) is not None
+
+
+def test_no_sweep_is_fitted_twice() -> None:
+    drifts = drifting([0.0] * 4, [0.02] * 4, [0.3] * 4)
+    astray = fit_response(drifts, "complex", background="none", duffing=True, phase_sign=1)
+    singles = SingleSweeps(drifts, ("",))
+    found = singles.of_drift(astray, 1)
+    with Profile() as profile:
+        assert singles.earliest_clear(astray, 1) is found
+    called = Stats(profile).get_stats_profile().func_profiles
+    assert without_background.__name__ not in called
 
 
 def test_a_sweep_of_a_few_points_is_passed_over() -> None:

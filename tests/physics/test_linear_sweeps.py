@@ -12,8 +12,9 @@ from scipy.signal import lfilter
 from femnl import load
 from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
-from femnl.fits.response.first_fit import _without_background, first_fit
+from femnl.fits.response.first_fit import first_fit
 from femnl.fits.response.pose import pose
+from femnl.fits.response.single_sweeps import without_background
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from tests.blind.linear_sweeps import make
@@ -138,6 +139,6 @@ def test_a_first_fit_starts_a_linear_mode_within_what_noise_allows() -> None:
     _, beside = first_fit(Linear(leak=LEAK).data(), ("",), None)
     assert beside["hidden"] == 1
     bent = Linear(leak=0.1 * HEIGHT * np.exp(4j)).data()
-    assert _without_background(bent, 1)["alpha_ratio"] < -1
+    assert without_background(bent, 1)["alpha_ratio"] < -1
     assert first_fit(bent, ("",), None)[1]["softens"] == 0
     assert beside["frequency"] == pytest.approx(F0, abs=0.02)

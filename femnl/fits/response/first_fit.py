@@ -1,39 +1,32 @@
 """The mode that sweeps show at first sight: where a diagnosis of them starts."""
 
 import hashlib
-from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from femnl.core.checkpoint import Checkpoint
-from femnl.core.errors import ConvergenceError
 from femnl.core.fit import Fit
 from femnl.core.readout import Array
 from femnl.fits.response.choice import first_look
 from femnl.fits.response.fit import first_layout, fit_response
-from femnl.fits.response.start import CLEAR
+from femnl.fits.response.single_sweeps import (
+    BENT,
+    SingleSweeps,
+    is_astray,
+    without_background,
+)
 from femnl.fits.response.tried import ADEQUATE
 from femnl.observe.response.sweeps import collect, first_harmonics
 
 FAR_BETTER = 4.0
 """Factor by which a background must lower χ² before it is taken to hide the resonance."""
-ELSEWHERE = 1.0
-OF_ANOTHER_WIDTH = 3.0
 LED_ASTRAY = 100.0
-"""Linewidths by which a weaker background must lead a fit without it away from the mode, or the
-factor by which it must change the linewidth, and factor by which it must lower χ² there, before it
-is taken to hide the resonance.
+"""Factor by which a weaker background must lower χ² before it is taken to hide the resonance, from
+which a fit without it must be astray.
 """
 HIDES = 0.03
 """Background over the height of the resonance from which on it may hide that."""
-FIRST_SWEEPS = 8
-"""Earliest sweeps that are asked, one by one, whether they show the mode alone."""
-BENT = 10.0
-"""Reduced χ² of a fit to all drives, and its factor over that of one to the weakest, from which on
-strong drives may show something else than the mode.
-"""
 OTHER_SIGN = 10.0
 """Reduced χ² of a first fit from which on the other sign of the phase is fitted, and the factor by
 which that must lower χ² to be right.
@@ -68,9 +61,10 @@ def first_fit(
     def find() -> tuple[Array, Array]:
         look = first_look(clear, first_layout(clear, "complex"))
         sign = look.phase_sign
+        singles = SingleSweeps(dataset, place)
         # On a circle beside a background, a fit without that would search in vain
-        plain = None if look.on_circle else _without_background(dataset, sign)
-        one = None if plain is None else of_drift(dataset, plain, sign, place)
+        plain = None if look.on_circle else without_background(dataset, sign)
+        one = None if plain is None else singles.of_drift(plain, sign)
         weak = None
         if plain is not None and one is not None:
             fitted, background, clearest = plain, 0.0, plain
@@ -78,14 +72,14 @@ def first_fit(
             fitted, background, clearest = _fitted(dataset, sign, place, clear.reference, plain)
             if clearest.chi2_reduced > OTHER_SIGN:
                 # A strong leak may hide the sign of the phase from the few fits that were to tell
-                plain = _without_background(dataset, -sign)
-                other = _fitted(dataset, -sign, place, clear.reference, plain)
+                turned = without_background(dataset, -sign)
+                other = _fitted(dataset, -sign, place, clear.reference, turned)
                 if other[2].chi2_reduced < clearest.chi2_reduced / OTHER_SIGN:
                     sign = -sign
                     fitted, background, clearest = other
             weak = of_weak_sweeps(dataset, fitted, names[2], sign) if background == 0 else None
             if background == 0 and weak is None:
-                one = of_one_sweep(dataset, fitted, sign, place)
+                one = singles.earliest_clear(fitted, sign)
         hidden = background > 0 or weak is not None or one is not None
         shown = weak or fitted
         values = {name: shown[name] for name in names}
@@ -126,20 +120,20 @@ def _fitted(
     Args: best: a fit without a background; None where a mode beside one is known to meet the data.
     """
     if best is None:
-        beside, background, resonance = _beside_leak(dataset, sign, place, reference)
+        beside, background, resonance = beside_leak(dataset, sign, place, reference)
         return beside, background if background > HIDES * resonance else 0.0, beside
     if best.chi2_reduced < ADEQUATE:
         return best, 0.0, best
-    beside, background, resonance = _beside_leak(dataset, sign, place, reference)
+    beside, background, resonance = beside_leak(dataset, sign, place, reference)
     gain = best.chi2_reduced / beside.chi2_reduced
     clearest = beside if gain > FAR_BETTER else best
     stronger = background > resonance and gain > FAR_BETTER
-    if stronger or (_is_astray(best, beside) and gain > LED_ASTRAY):
+    if stronger or (is_astray(best, beside) and gain > LED_ASTRAY):
         return beside, background, clearest
     return best, 0.0, clearest
 
 
-def _beside_leak(
+def beside_leak(
     dataset: xr.Dataset, sign: int, place: tuple[str, ...], reference: float
 ) -> tuple[Fit, float, float]:
     """Return a fit of one mode beside a background, and how strong this and the mode are [V/V]."""
@@ -149,25 +143,6 @@ def _beside_leak(
     background = max(_leak(beside, name, reference) for name in place)
     resonance = max(beside[f"y_max{name}"] for name in place)
     return beside, background, resonance
-
-
-def _without_background(dataset: xr.Dataset, sign: int) -> Fit:
-    """Return the better fit of one mode with or without damping that grows with the amplitude."""
-    found: list[Fit] = []
-    for damped in (True, False):
-        fitted = fit_response(
-            dataset,
-            "complex",
-            background="none",
-            duffing=True,
-            delay=True,
-            phase_sign=sign,
-            nonlinear_damping=damped,
-        )
-        if fitted.chi2_reduced < ADEQUATE:
-            return fitted
-        found.append(fitted)
-    return min(found, key=lambda one: one.chi2_reduced)
 
 
 def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) -> Fit | None:
@@ -192,105 +167,17 @@ def of_weak_sweeps(dataset: xr.Dataset, fitted: Fit, stiffness: str, sign: int) 
     places = collect(dataset).n_positions
     levels = [level for level in levels if collect(level).n_positions == places]
     if levels and levels[0].sizes["sweep"] < len(drive):
-        weak = _without_background(levels[0], sign)
+        weak = without_background(levels[0], sign)
         if _shown_sign(weak, stiffness) > 0 and weak.chi2_reduced < fitted.chi2_reduced / BENT:
             return weak
     order = np.argsort(drive, kind="stable") if len(drive) > 1 else ()
     single = [dataset.isel(sweep=[row]) for row in order] if places == 1 else levels
     for part in single:
-        alone = _without_background(part, sign)
+        alone = without_background(part, sign)
         sign_of_stiffness = _sure_sign(alone, stiffness)
         if alone.chi2_reduced < BENT and sign_of_stiffness:
             return alone if sign_of_stiffness > 0 else None
     return None
-
-
-class OneSweep(NamedTuple):
-    """A fit to one sweep, and the end of names of its position."""
-
-    fitted: Fit
-    end: str
-
-    def of_all(self, fitted: Fit, place: tuple[str, ...]) -> tuple[dict[str, float], float]:
-        """Return values by their names at all positions, and the standard deviation of α.
-
-        What is read at other positions is no smaller than a fit to all of them says.
-        """
-        mine = self.fitted
-        values = {name: mine[name] for name in ("frequency", "linewidth")}
-        for end in place:
-            own = end == self.end
-            size = mine["y_max"]
-            values[f"y_max{end}"] = size if own else max(size, fitted[f"y_max{end}"])
-            values[f"phase{end}"] = mine["phase"] if own else fitted[f"phase{end}"]
-        units = (mine["y_max"] / values[f"y_max{place[0]}"]) ** 2
-        values[f"alpha_y{place[0]}"] = mine["alpha_y"] * units
-        return values, mine.parameters["alpha_y"].sd * units
-
-
-def of_one_sweep(
-    dataset: xr.Dataset, fitted: Fit, sign: int, place: tuple[str, ...]
-) -> OneSweep | None:
-    """Return a fit to the earliest sweep that is clear alone, where all together hide the mode.
-
-    A mode that drifts by more than its width from sweep to sweep looks wide, or is sought where it
-    was late. None where the fit to all may be right, where the sweep agrees with it, or where none
-    of the first few is clear.
-    """
-    if fitted.chi2_reduced < BENT:
-        return None
-    first = next(_clear_sweeps(dataset, sign, place), None)
-    return first if first is not None and _is_astray(fitted, first.fitted) else None
-
-
-def of_drift(
-    dataset: xr.Dataset, fitted: Fit, sign: int, place: tuple[str, ...]
-) -> OneSweep | None:
-    """Return what `of_one_sweep` does where a later sweep that is clear alone has the mode away.
-
-    That no background does, and no other sign of the phase, for which all sweeps would be fitted
-    in vain.
-    """
-    first = of_one_sweep(dataset, fitted, sign, place)
-    if first is None:
-        return None
-    later = (one.fitted for one in _clear_sweeps(dataset, sign, place))
-    return first if any(_away(one, first.fitted) > ELSEWHERE for one in later) else None
-
-
-def _clear_sweeps(dataset: xr.Dataset, sign: int, place: tuple[str, ...]) -> Iterator[OneSweep]:
-    """Yield fits to those of the first few sweeps, by rising time, that show the mode alone."""
-    kept, _ = first_harmonics(dataset)
-    together = collect(dataset)
-    time = dataset["time"].values[kept] if "time" in dataset else kept
-    # A fit to the only sweep there is is one to all
-    early = kept[np.argsort(time, kind="stable")][:FIRST_SWEEPS] if len(kept) > 1 else ()
-    for row in early:
-        mine = together.row == row
-        if not mine.any():
-            continue
-        # One sweep alone tells its noise less well than all of them
-        part = dataset.isel(sweep=[row]).assign_attrs(noise_sd=together.noise)
-        try:
-            alone = _without_background(part, sign)
-        except ConvergenceError:  # it is not clear
-            continue
-        low, high = (side(together.frequency[mine]) for side in (np.min, np.max))
-        drive = float(np.max(together.drive[mine])) * together.reference
-        clear = alone["y_max"] * drive > CLEAR * together.noise
-        if alone.chi2_reduced < ADEQUATE and low < alone["frequency"] < high and clear:
-            yield OneSweep(alone, place[int(together.position[mine][0])])
-
-
-def _is_astray(one: Fit, right: Fit) -> bool:
-    """Whether a fit finds another mode than the right one: elsewhere, or of another width."""
-    broader = abs(np.log(one["linewidth"] / right["linewidth"]))
-    return bool(_away(one, right) > ELSEWHERE or broader > np.log(OF_ANOTHER_WIDTH))
-
-
-def _away(one: Fit, right: Fit) -> float:
-    """Return by how many linewidths of the right fit another one has the mode elsewhere."""
-    return float(abs(one["frequency"] - right["frequency"]) / right["linewidth"])
 
 
 def _shown_sign(fitted: Fit, stiffness: str) -> int:
