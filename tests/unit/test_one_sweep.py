@@ -12,6 +12,7 @@ from femnl.effects import library
 from femnl.fits.least_squares import FitResult, fit
 from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel
+from femnl.observe.response.layout import parts_of_sweep
 from femnl.observe.response.model import ResponseModel
 from tests.blind.realistic.files import Draw, make
 
@@ -62,3 +63,11 @@ def test_no_drift_is_followed_within_one_sweep(fitted: tuple[FitResult, FitResul
     model = fitted[0].model.base_model
     assert isinstance(model, ResponseModel)
     assert len(replace(model, hidden=True).order_of_blocks) == 0
+
+
+@pytest.mark.parametrize("n", [6, 9, 24, 81, 2000])
+def test_parts_of_a_sweep_are_alike_in_size(n: int) -> None:
+    sizes = np.bincount(parts_of_sweep(n), minlength=6)
+    assert len(sizes) == 6
+    assert np.ptp(sizes) <= max(n // 18, 1)
+    assert np.ptp(sizes) <= 8

@@ -1,4 +1,4 @@
-"""Which points of sweeps lie beside each other, and which of them are drawn as left out."""
+"""Which points of sweeps lie beside each other, are held out together, and drawn as left out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,6 +12,10 @@ from femnl.observe.response.sweeps import Sweeps
 
 NEAR = (-4, -3, -2, -1, 1, 2, 3, 4)
 """Steps along a sweep to the points beside one."""
+HELD_OUT = 6
+"""Parts that a single sweep is held out in."""
+STRETCH = 8
+"""Neighbouring points that are held out together; fewer where a part has no three such stretches."""
 
 
 def along_sweeps(sweeps: Sweeps, known: bool) -> Layout:
@@ -33,6 +37,27 @@ def along_sweeps(sweeps: Sweeps, known: bool) -> Layout:
         np.concatenate([place, place, last]).astype(np.int64),
         np.concatenate([sweeps.column, sweeps.column, last]).astype(np.int64),
     )
+
+
+def blocks_of(sweeps: Sweeps, known: bool) -> NDArray[np.int64]:
+    """Return the block of held-out data of all real, then of all imaginary parts of the points.
+
+    Every sweep is a block, or every part of a single one. Args: known: whether a residual of prior
+    knowledge comes last, which is a block of its own.
+    """
+    block = sweeps.sweep if len(sweeps.spans) > 1 else parts_of_sweep(len(sweeps.frequency))
+    last = [block.max() + 1] if known else []
+    return np.concatenate([block, block, last]).astype(np.int64)
+
+
+def parts_of_sweep(n: int) -> NDArray[np.int64]:
+    """Return the part (n,) of each point of a sweep: stretches are dealt to the parts in turns.
+
+    So what is held out lies between what is not.
+    """
+    stretch = max(min(STRETCH, n // (3 * HELD_OUT)), 1)
+    turns = max(n // (HELD_OUT * stretch), 1)
+    return np.arange(n) * (HELD_OUT * turns) // n % HELD_OUT
 
 
 def _beside(sweeps: Sweeps, step: int) -> NDArray[np.int64]:

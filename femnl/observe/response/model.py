@@ -19,7 +19,7 @@ from femnl.observe.response.curves import curves, described, sweep_name, voltage
 from femnl.observe.response.directions import directions_of_signal
 from femnl.observe.response.extent import extent
 from femnl.observe.response.late import LateSweeps, States
-from femnl.observe.response.layout import along_sweeps, marked
+from femnl.observe.response.layout import along_sweeps, blocks_of, marked
 from femnl.observe.response.many import each_point, heights_at, once, portions
 from femnl.observe.response.states import balance, branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps, repeated
@@ -32,10 +32,6 @@ LITTLE = 1e-4
 """Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
 FARTHER = 2.0
 """Widths of the sweeps by which those that would tell backgrounds apart are further out."""
-HELD_OUT = 6
-"""Parts that a single sweep is held out in, of at least three stretches each."""
-STRETCH = 8
-"""Neighbouring points in such a stretch, where the sweep has enough of them."""
 BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 
@@ -119,16 +115,8 @@ class ResponseModel(MeasurementModel):
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Every sweep is a block of its own, and so is the simulated α where sweeps soften.
-
-        A single one is cut into stretches, dealt in turns: each block lies between others.
-        """
-        block = self.sweeps.sweep
-        if len(self.sweeps.spans) == 1:
-            stretches = HELD_OUT * max(3, len(block) // (HELD_OUT * STRETCH))
-            block = np.arange(len(block)) * stretches // len(block) % HELD_OUT
-        known = [block.max() + 1] if self.softens else []
-        return np.concatenate([block, block, known]).astype(np.int64)
+        """Every sweep, or part of a single one, and the simulated α where sweeps soften."""
+        return blocks_of(self.sweeps, self.softens)
 
     @property
     def layout(self) -> Layout:
