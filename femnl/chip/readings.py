@@ -113,9 +113,21 @@ def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
 
 
 def _scale(column: str, si: str) -> float:
-    """Return by what numbers of a column are multiplied: its head may state a unit."""
+    """Return by what numbers of a column are multiplied: its head may state a unit.
+
+    Raises: ParameterError where it has something else in brackets or behind a slash.
+    """
     unit = heading_unit(column)
-    return float(to_si(1.0, unit, si, column)) if unit and is_unit_of(unit, si) else 1.0
+    if unit and is_unit_of(unit, si):
+        return float(to_si(1.0, unit, si, column))
+    if unit and set(column) & set("[(/"):
+        raise ParameterError(
+            one_line(
+                f"table: {column!r} states {unit!r}, which is no unit of {si} that is known; "
+                f"correct the head, or leave the unit out of it and give numbers in {si}"
+            )
+        )
+    return 1.0
 
 
 def finite(text: str, where: str, column: str) -> float:

@@ -82,6 +82,13 @@ def test_a_head_with_a_unit_is_that_of_its_column(tmp_path: Path) -> None:
     assert first.place == pytest.approx((1e-3, 0))
 
 
+def test_a_head_with_a_unit_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    rows = "device,mode,f (khz)\n" + "".join(f"A-{k},1,{1000 + k}\n" for k in range(1, 7))
+    text = STUDY.partition("[positions]")[0] + '[table.columns]\nfrequency = "f (khz)"\n'
+    with pytest.raises(ParameterError, match=r"'f \(khz\)' states 'khz', which is no unit of Hz"):
+        read_chip(study(tmp_path, text, rows))
+
+
 def test_a_table_of_a_chip_gives_its_gradient_per_metre(tmp_path: Path) -> None:
     fit = fit_chip(read_chip(study(tmp_path)))
     assert fit.frequency.fields["plane"] > 0.8
