@@ -80,6 +80,22 @@ def test_borders_of_hatches_are_read_where_nothing_else_is_drawn(tmp_path: Path)
     assert areas == pytest.approx([np.pi * 0.4 * 169, 400 + np.pi / 2 * 100 + parabola], rel=1e-4)
 
 
+def test_a_border_through_fit_points_is_read_as_the_spline_is(tmp_path: Path) -> None:
+    points = [(100, 0), (0, 60), (-100, 0), (0, -60), (100, 0)]
+
+    def hatch(space: ezdxf.layouts.Modelspace) -> None:
+        border = space.add_hatch(dxfattribs={"layer": "F"}).paths.add_edge_path()
+        border.add_spline(fit_points=points)
+
+    def spline(space: ezdxf.layouts.Modelspace) -> None:
+        space.add_spline(points, dxfattribs={"layer": "F"})
+
+    filled, drawn = (
+        imported(dxf(tmp_path / f"{draw.__name__}.dxf", draw), film="F") for draw in (hatch, spline)
+    )
+    assert curves.area(filled.outline) == pytest.approx(curves.area(drawn.outline), rel=1e-9)
+
+
 def test_a_hatch_beside_lines_is_left_out_and_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -90,7 +106,7 @@ def test_a_hatch_beside_lines_is_left_out_and_told(
 
     model = imported(dxf(tmp_path / "a.dxf", draw), film="F")
     assert model.outline.length == pytest.approx(200 * UM)
-    assert "layer F (film): 1 hatches are left out" in caplog.text
+    assert "layer F (film): its hatches (1) are left out" in caplog.text
 
 
 def test_shapes_that_are_not_read_and_widths_of_lines_are_told(

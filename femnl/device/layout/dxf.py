@@ -70,8 +70,8 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
         lines, hatches = ([e for e in kinds if e.dxf.layer == layer] for kinds in (drawn, filled))
         if lines and hatches:
             logging.getLogger("femnl").warning(
-                "%s: layer %s (%s): %d hatches are left out, as they fill what lines bound; draw "
-                "the border of any that do not",
+                "%s: layer %s (%s): its hatches (%d) are left out, as they fill what lines bound; "
+                "draw the border of any that do not",
                 path,
                 layer,
                 role,
@@ -202,7 +202,10 @@ def _edge(edge: Any) -> Any:
             shape |= {"start_param": 0.0, "end_param": 2 * np.pi}
         return Ellipse.new(dxfattribs=shape)
     spline = Spline.new()
-    spline.apply_construction_tool(edge.construction_tool())
+    if edge.control_points:
+        spline.apply_construction_tool(edge.construction_tool())
+    else:
+        spline.fit_points = edge.fit_points
     return spline
 
 
