@@ -270,7 +270,9 @@ class JointModel(MeasurementModel):
         for k, (owner, spec) in enumerate(result.model.parameters):
             values_alone = []
             for group, single in alone.items():
-                names = [self._name_here(group, o, n.name) for o, n in single.model.parameters]
+                names = [
+                    (o, self._joint_name(group, o, n.name)) for o, n in single.model.parameters
+                ]
                 if (owner, spec.name) in names:
                     i = names.index((owner, spec.name))
                     values_alone.append((group, _number(single, i)))
@@ -289,16 +291,14 @@ class JointModel(MeasurementModel):
             "joint: the measurements have no parameter in common, so each is judged by itself",
         )
 
-    def _name_here(self, group: str, owner: str, name: str) -> tuple[str, str]:
-        """Return owner and name here of a parameter that one measurement knows by its own name."""
+    def _joint_name(self, group: str, owner: str, name: str) -> str:
+        """Return the name here of a parameter that one measurement knows by a name of its own."""
         if owner == "base":
-            return owner, self.names[group][name]
-        here = {
-            (effect, own): joint
-            for (effect, joint), (own, groups) in self.places.items()
-            if group in groups
-        }
-        return owner, here.get((owner, name), name)
+            return self.names[group][name]
+        for (effect, joint), (own, groups) in self.places.items():
+            if (effect, own) == (owner, name) and group in groups:
+                return joint
+        return name
 
 
 def _number(result: FitResult, which: int) -> tuple[float, float]:

@@ -25,7 +25,7 @@ def unseen(jacobian: Array, unit: Array) -> np.ndarray[tuple[int], np.dtype[np.b
     return np.asarray(np.linalg.norm(jacobian, axis=0) * unit < 1e-3)
 
 
-def moving_all(jacobian: Array, data: Array) -> Array:
+def natural_units(jacobian: Array, data: Array) -> Array:
     """Return the step (k,) of each parameter that moves data (n,) by as much as they hold.
 
     It does for a parameter that ends at 0, whose own value says nothing. It is 0 where the data do

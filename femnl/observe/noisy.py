@@ -261,7 +261,7 @@ def with_noise(bare: MeasurementModel, noise: FoundNoise) -> MeasurementModel:
         needs_global_search=bare.needs_global_search,
         stages_of_many=bare.stages_of_many,
         jumps=bare.jumps,
-        # Noise that was found larger once is not found larger again
+        # Noise that was found once is not sought in other causes again
         tells_noise=bare.tells_noise or noise.factor != 1,
     )
 

@@ -11,7 +11,7 @@ from scipy.optimize import leastsq
 
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.covariance import derived, moving_all
+from femnl.fits.covariance import derived, natural_units
 from femnl.fits.decay.model import Array, Decay, Numbers, Signal, strongest
 from femnl.fits.held import Held, hold_fixed
 
@@ -100,7 +100,7 @@ def fit_ringdown(
     spread = decay.spread(values, noise)
     rest = (decay.data - decay.model(values)) / spread
     slopes = decay.jacobian(values) / spread[:, None]
-    found, blind = held.covariance(slopes, moving_all(slopes, decay.data / spread))
+    found, blind = held.covariance(slopes, natural_units(slopes, decay.data / spread))
     notes = [f"{np.count_nonzero(~good)} missing samples left out"] if not good.all() else []
     notes += (
         []

@@ -9,7 +9,7 @@ from scipy.optimize import leastsq
 
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.covariance import STEP, derived, moving_all
+from femnl.fits.covariance import STEP, derived, natural_units
 from femnl.fits.held import Held, hold_fixed
 from femnl.fits.record.start import (
     ONE_FREQUENCY,
@@ -138,7 +138,7 @@ def fit_oscillator(
         )
     residual, slopes = _misfit(names, values, record)
     noise = float(np.std(residual))
-    found, blind = held.covariance(slopes / noise, moving_all(slopes, record.output))
+    found, blind = held.covariance(slopes / noise, natural_units(slopes, record.output))
     parameters = {
         name: Parameter(name, float(v), float(s), "")
         for name, v, s in zip(names, values, np.sqrt(np.diag(found)), strict=True)

@@ -15,7 +15,7 @@ NEAR = (-4, -3, -2, -1, 1, 2, 3, 4)
 HELD_OUT = 6
 """Parts that a single sweep is held out in."""
 STRETCH = 8
-"""Neighbouring points that are held out together; fewer where a part has no three such stretches."""
+"""Neighbouring points that are held out together, fewer where a part has no three of them."""
 
 
 def along_sweeps(sweeps: Sweeps, known: bool) -> Layout:
