@@ -31,7 +31,7 @@ def imported(folder: Path, text: str, spec: str) -> tuple[tuple[str, ...], dict[
         ("t_min", "time", 0.06),
     ],
 )
-def test_units_behind_a_slash_or_a_dash_are_read(
+def test_units_behind_a_slash_or_an_underscore_are_read(
     tmp_path: Path, heading: str, name: str, value: float
 ) -> None:
     spec = f'kind = "series"\n[columns]\n{name} = "{heading}"\nquality_factor = "Q"\n'

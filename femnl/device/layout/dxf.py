@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 DRAWN = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"}
 FILLED = {"HATCH", "MPOLYGON"}
 LETTERING = {"TEXT", "MTEXT", "DIMENSION", "LEADER", "MULTILEADER", "POINT", "ATTDEF", "VIEWPORT"}
-FLAT = 1e-9
+FLAT = 1e-9  # what the normal of a hatch may lack of upright
 FULL = 360 - 1e-9  # degrees of an arc that is a circle
 WITHIN = GRID  # m, how far arcs may leave a spline
 
