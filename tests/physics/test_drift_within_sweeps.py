@@ -7,9 +7,10 @@ import pytest
 import xarray as xr
 
 from femnl import load
-from femnl.fits.response.first_fit import BENT, of_weak_sweeps
+from femnl.fits.response.first_fit import of_weak_sweeps
 from femnl.fits.response.fit import fit_response
 from femnl.fits.response.pose import pose
+from femnl.fits.response.single_sweeps import BENT
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from tests.physics.driven_sweeps import F0, Bench, Complex

@@ -9,11 +9,12 @@ import xarray as xr
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.response.each import fit_each_sweep
-from femnl.fits.response.first_fit import BENT, of_weak_sweeps
+from femnl.fits.response.first_fit import of_weak_sweeps
 from femnl.fits.response.fit import fit_response, predict_response
 from femnl.fits.response.linescan import _mean
 from femnl.fits.response.misfit import Misfit
 from femnl.fits.response.modes import fit_modes
+from femnl.fits.response.single_sweeps import BENT
 from femnl.io.measurement import response
 from femnl.observe.response.curves import described
 from femnl.observe.response.sweeps import collect
