@@ -12,12 +12,14 @@ from femnl.io import measurement
 from femnl.io.labfiles.base import (
     PARTS,
     RMS,
+    SWEEP_VALUES,
     refuse_lengths,
     scalar_values,
     sweeps_to_response,
 )
 from femnl.io.labfiles.cuts import contradicted, cuts_of, lasts
 from femnl.io.labfiles.levels import even_clock, is_level, refuse_times_that_go_back
+from femnl.io.labfiles.matrices import unrolled
 from femnl.io.labfiles.named_columns import COMPLEX, Columns
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import KINDS, coherent
@@ -35,23 +37,36 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     """Put columns into the shape of the measurement that the spec names.
 
     Long tables of a `response` are cut into sweeps where a per-sweep column changes or the
-    frequency turns back, of a `map` are spread over their grid, of a `trace` are cut into steps
-    where the drive frequency changes.
+    frequency turns back; matrices have a sweep a row or a column. Tables of a `map` are spread over
+    their grid, of a `trace` cut into steps where the drive frequency changes.
     Returns: the Dataset and notes. Raises: MeasurementError.
     """
-    columns = dict(columns)
+    columns = dict(columns) if spec.kind != "response" else _of_all_points(columns)
     refuse_lengths(columns, where)
     _refuse_unused(spec, columns, where)
     if spec.kind == "decay":
         return _decay(spec, columns, where), []
+    order: list[str] = []
+    if spec.kind == "response" and any(values.ndim > 1 for values in columns.values()):
+        columns, order = unrolled(columns, where)
     _complex(spec, columns, where)
     if any(values.ndim > 1 for values in columns.values()) or spec.kind in ("spectrum", "series"):
         return _direct(spec, columns, where), []
     if spec.kind == "response":
-        return _response(spec, columns, where)
+        dataset, notes = _response(spec, columns, where)
+        return dataset, [*order, *notes]
     if spec.kind == "map":
         return _map(spec, columns, where), []
     return _trace(spec, columns, where)
+
+
+def _of_all_points(columns: Columns) -> Columns:
+    """Repeat what a lone sweep has one value of for each of its points."""
+    count = max((values.size for values in columns.values() if values.ndim == 1), default=1)
+    return {
+        name: np.repeat(values, count) if name in SWEEP_VALUES and values.size == 1 else values
+        for name, values in columns.items()
+    }
 
 
 def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:
@@ -65,7 +80,7 @@ def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:
     if used is None:
         return
     own = _own_units(spec)
-    if any(values.ndim > 1 for values in columns.values()):
+    if spec.kind != "response" and any(values.ndim > 1 for values in columns.values()):
         used = (*KINDS[str(spec.kind)].datasets, *PARTS)
         own = {}
     for name in columns:
@@ -191,10 +206,14 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
         if name in columns:
             labels[name] = np.array([np.nanmean(columns[name][piece]) for piece in pieces])
             notes.append(f"{where}: {name} of a sweep is the mean over its points")
-    if "time" in columns:
-        labels["time"] = np.array([columns["time"][piece][0] for piece in pieces], dtype=float)
-        labels["duration"] = np.array([lasts(columns["time"][piece]) for piece in pieces])
-        notes.append(f"{where}: time and duration of a sweep are those of its points")
+    for name in ("time", "duration"):
+        if name in columns:
+            labels[name] = np.array([columns[name][piece][0] for piece in pieces], dtype=float)
+    if "time" in columns and "duration" not in columns:
+        lasting = np.array([lasts(columns["time"][piece]) for piece in pieces])
+        if np.any(lasting):  # a time of each sweep alone does not tell
+            labels["duration"] = lasting
+            notes.append(f"{where}: time and duration of a sweep are those of its points")
     dataset, found = sweeps_to_response(
         [(frequency[piece], volts[piece]) for piece in pieces], dict(labels), spec, where, own
     )
