@@ -138,16 +138,67 @@ def test_a_closed_spline_is_an_outline(tmp_path: Path) -> None:
     assert curves.area(model.outline) == pytest.approx(area, rel=2e-3)
 
 
-@pytest.mark.parametrize("normal", [(0, 0, -1), (0, 0.6, 0.8)])
-def test_a_hatch_seen_from_below_or_tilted_is_refused(
-    tmp_path: Path, normal: tuple[float, float, float]
-) -> None:
+def test_hatches_of_a_mirrored_block_are_mirrored(tmp_path: Path) -> None:
     def draw(space: ezdxf.layouts.Modelspace) -> None:
-        fill = space.add_hatch(dxfattribs={"layer": "F", "extrusion": normal})
+        hatched(space.doc.blocks.new("half"))
+        space.add_blockref("half", (30, 0), dxfattribs={"xscale": -1})
+
+    def whole(space: ezdxf.layouts.Modelspace) -> None:
+        hatched(space)
+
+    mirrored, drawn = (
+        imported(dxf(tmp_path / f"{one.__name__}.dxf", one), film="F", holes="H")
+        for one in (draw, whole)
+    )
+    assert curves.area(mirrored.outline) == pytest.approx(curves.area(drawn.outline))
+    # The middle of the film is the origin, so that nothing is left of the block's own place
+    np.testing.assert_allclose(mirrored.holes.centres * [-1, 1], drawn.holes.centres, atol=1e-12)
+    ends = [sorted(s.start for s in opening.segments) for opening in mirrored.openings]
+    flipped = [sorted((-s.start[0], s.start[1]) for s in o.segments) for o in drawn.openings]
+    reached = [np.ptp(np.array(places), axis=0) for places in (*ends, *flipped)]
+    np.testing.assert_allclose(reached[:2], reached[2:], atol=2e-9)
+    for opening, other in zip(mirrored.openings, drawn.openings, strict=True):
+        assert curves.area(opening) == pytest.approx(curves.area(other), rel=1e-6)
+
+
+def test_a_tilted_hatch_is_refused(tmp_path: Path) -> None:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        fill = space.add_hatch(dxfattribs={"layer": "F", "extrusion": (0, 0.6, 0.8)})
         fill.paths.add_polyline_path([(-90, -90), (90, -90), (90, 90)], is_closed=True)
 
-    with pytest.raises(GeometryError, match="layer F: a hatch is drawn on a plane seen from below"):
+    with pytest.raises(GeometryError, match="layer F: a hatch is drawn on a tilted plane"):
         imported(dxf(tmp_path / "a.dxf", draw), film="F")
+
+
+def test_names_of_dxf_layers_heed_no_case(tmp_path: Path) -> None:
+    path = dxf(tmp_path / "a.dxf", lambda space: square(space, 100, "Film"))
+    assert imported(path, film="FILM").outline.length == pytest.approx(200 * UM)
+
+
+SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="1mm" height="1mm" viewBox="0 0 1000 1000">
+<g id="F"><rect width="1000" height="1000"/></g><g id="H"{}><circle r="50" cx="200" cy="200"/>
+<g style="fill: red; display : none"><circle r="50" cx="700" cy="200"/></g>
+<circle r="50" cx="700" cy="700" display="none"/>
+<circle r="50" cx="200" cy="700" display="none" style="display:inline"/></g></svg>"""
+
+
+def test_hidden_shapes_of_an_svg_are_left_out_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.svg"
+    path.write_text(SVG.format(""))
+    assert len(imported(path, film="F", holes="H").holes.centres) == 2
+    assert "group H (holes): hidden shapes (2) are left out" in caplog.text
+    path.write_text(SVG.format(' style="display:none"'))
+    with pytest.raises(GeometryError, match=r"group H \(holes\) is hidden .*show it"):
+        imported(path, film="F", holes="H")
+
+
+def test_a_length_with_a_unit_within_an_svg_is_refused_for_what_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "a.svg"
+    path.write_text(SVG.format("").replace('r="50"', 'r="0.05mm"'))
+    with pytest.raises(GeometryError, match=r"'0.05mm'; give its numbers without a unit"):
+        imported(path, film="F")
 
 
 def test_circles_drawn_twice_are_no_lattice(tmp_path: Path) -> None:

@@ -38,6 +38,8 @@ DRAWN = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"}
 FILLED = {"HATCH", "MPOLYGON"}
 LETTERING = {"TEXT", "MTEXT", "DIMENSION", "LEADER", "MULTILEADER", "POINT", "ATTDEF", "VIEWPORT"}
 FLAT = 1e-9  # what the normal of a hatch may lack of upright
+MIRRORED = ezdxf.math.Matrix44.scale(-1.0, 1.0, 1.0)
+"""What a plane seen from below does to x, by DXF's arbitrary axis algorithm."""
 FULL = 360 - 1e-9  # degrees of an arc that is a circle
 WITHIN = GRID  # m, how far arcs may leave a spline
 
@@ -66,8 +68,8 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
     loops = {}
     faults = []
     for role, layer in layers.items():
-        _tell_what_is_not_read(path, layer, [e for e in entities if e.dxf.layer == layer])
-        lines, hatches = ([e for e in kinds if e.dxf.layer == layer] for kinds in (drawn, filled))
+        _tell_what_is_not_read(path, layer, [e for e in entities if _on(layer, e)])
+        lines, hatches = ([e for e in kinds if _on(layer, e)] for kinds in (drawn, filled))
         if lines and hatches:
             logging.getLogger("femnl").warning(
                 "%s: layer %s (%s): its hatches (%d) are left out, as they fill what lines bound; "
@@ -88,6 +90,11 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
         polygons[role], loops[role], seen = closed(pieces, f"layer {layer} ({role})")
         faults += seen
     return Drawing(cell or path.stem, GRID, polygons, loops, tuple(faults))
+
+
+def _on(layer: str, entity: Any) -> bool:
+    """Whether an entity is on a layer, of whose name DXF heeds no case."""
+    return str(entity.dxf.layer).casefold() == layer.casefold()
 
 
 def _tell_what_is_not_read(path: Path, layer: str, entities: list[Any]) -> None:
@@ -149,12 +156,14 @@ def _pieces(entity: Any, size: float) -> list[Loop]:
     """An entity as chains of lines and arcs [m]."""
     kind = entity.dxftype()
     if kind in FILLED:
-        if entity.dxf.extrusion.z < 1 - FLAT:
+        if abs(entity.dxf.extrusion.z) < 1 - FLAT:
             raise GeometryError(
-                f"layer {entity.dxf.layer}: a hatch is drawn on a plane seen from below, as in a "
-                "mirrored block, or tilted; draw its border"
+                f"layer {entity.dxf.layer}: a hatch is drawn on a tilted plane; draw its border"
             )
-        return [p for border in entity.paths for e in _bordering(border) for p in _pieces(e, size)]
+        edges = [edge for border in entity.paths for edge in _bordering(border)]
+        if entity.dxf.extrusion.z < 0:  # seen from below, as in a mirrored block
+            edges = [edge.transform(MIRRORED) for edge in edges]
+        return [piece for edge in edges for piece in _pieces(edge, size)]
     if kind in ("LWPOLYLINE", "POLYLINE"):
         parts = [_pieces(part, size)[0] for part in entity.virtual_entities()]
         # Closed ones may repeat their first corner

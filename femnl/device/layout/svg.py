@@ -1,5 +1,6 @@
 """SVG through svgpathtools."""
 
+import logging
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 PHYSICAL = ("mm", "cm", "in")
 UNREAD = frozenset({"use", "svg", "a", "image", "text", "switch", "symbol"})
 """Elements that show something and are no shape; clones are <use>."""
+DISPLAY = re.compile(r"(?:^|;)\s*display\s*:\s*(\w+)")
+"""What a style says of whether an element is shown."""
 LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 WITHIN = GRID  # m, how far arcs may leave a Bézier curve
 ROUND = 1e-9  # relative difference up to which two half axes are one radius
@@ -34,7 +37,11 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
     try:
         document = svgpathtools.Document(str(path))
         found = document.paths()
-    except (OSError, ElementTree.ParseError, ValueError) as error:
+    except ValueError as error:
+        raise GeometryError(
+            one_line(f"{path}: a shape is not read: {error}; give its numbers without a unit")
+        ) from error
+    except (OSError, ElementTree.ParseError) as error:
         raise GeometryError(one_line(f"{path}: not a whole SVG file; export it again")) from error
     root: Any = document.tree.getroot()
     size = _unit(path, root, unit)
@@ -44,12 +51,10 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
     faults = []
     for role, layer in layers.items():
         _refuse_unread(path, root, layer, parents)
-        pieces = [
-            _chain(part, size)
-            for drawn in found
-            if layer in _names(drawn.element, parents)
-            for part in drawn.continuous_subpaths()
-        ]
+        within = [drawn for drawn in found if layer in _names(drawn.element, parents)]
+        shown = [drawn for drawn in within if not _hidden(drawn.element, parents)]
+        _tell_what_is_hidden(path, f"group {layer} ({role})", len(within), len(shown))
+        pieces = [_chain(part, size) for drawn in shown for part in drawn.continuous_subpaths()]
         if not pieces:
             known = sorted({name for drawn in found for name in _names(drawn.element, parents)})
             raise GeometryError(
@@ -113,6 +118,29 @@ def _names(element: Any, parents: Mapping[Any, Any]) -> set[str]:
         found |= {name for name in (here.get("id"), here.get(LABEL)) if name}
         here = parents.get(here)
     return found
+
+
+def _hidden(element: Any, parents: Mapping[Any, Any]) -> bool:
+    """Whether an element, or a group around it, is not displayed."""
+    here = element
+    while here is not None:
+        styles = [here.get("display", ""), *DISPLAY.findall(here.get("style", ""))]
+        if styles[-1].strip() == "none":  # a style outweighs an attribute
+            return True
+        here = parents.get(here)
+    return False
+
+
+def _tell_what_is_hidden(path: Path, group: str, count: int, shown: int) -> None:
+    """Warn of shapes that are left out as they are hidden; refuse a group that is hidden whole."""
+    if count and not shown:
+        raise GeometryError(
+            one_line(f"{path}: {group} is hidden (display: none); show it and save the file again")
+        )
+    if shown < count:
+        logging.getLogger("femnl").warning(
+            "%s: %s: hidden shapes (%d) are left out", path, group, count - shown
+        )
 
 
 def _refuse_unread(path: Path, root: Any, layer: str, parents: Mapping[Any, Any]) -> None:
