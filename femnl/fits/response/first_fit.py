@@ -9,10 +9,12 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.fit import Fit
 from femnl.core.readout import Array
 from femnl.fits.response.choice import first_look
-from femnl.fits.response.fit import first_layout, fit_response
+from femnl.fits.response.fit import first_layout
 from femnl.fits.response.single_sweeps import (
     BENT,
+    OTHER_SIGN,
     SingleSweeps,
+    beside_background,
     is_astray,
     without_background,
 )
@@ -27,10 +29,8 @@ which a fit without it must be astray.
 """
 HIDES = 0.03
 """Background over the height of the resonance from which on it may hide that."""
-OTHER_SIGN = 10.0
-"""Reduced χ² of a first fit from which on the other sign of the phase is fitted, and the factor by
-which that must lower χ² to be right.
-"""
+MISSES = 10.0
+"""Reduced χ² of a first fit from which on the other sign of the phase may be right."""
 CERTAIN = 5.0
 SHOWN = 0.1
 """Standard deviations of a stiffening or softening that is believed, and its part of the critical
@@ -70,7 +70,7 @@ def first_fit(
             fitted, background, clearest = plain, 0.0, plain
         else:
             fitted, background, clearest = _fitted(dataset, sign, place, clear.reference, plain)
-            if clearest.chi2_reduced > OTHER_SIGN:
+            if clearest.chi2_reduced > MISSES and not singles.show(sign):
                 # A strong leak may hide the sign of the phase from the few fits that were to tell
                 turned = without_background(dataset, -sign)
                 other = _fitted(dataset, -sign, place, clear.reference, turned)
@@ -137,9 +137,7 @@ def beside_leak(
     dataset: xr.Dataset, sign: int, place: tuple[str, ...], reference: float
 ) -> tuple[Fit, float, float]:
     """Return a fit of one mode beside a background, and how strong this and the mode are [V/V]."""
-    beside = fit_response(
-        dataset, "complex", background="slope", duffing=True, delay=True, phase_sign=sign
-    )
+    beside = beside_background(dataset, sign)
     background = max(_leak(beside, name, reference) for name in place)
     resonance = max(beside[f"y_max{name}"] for name in place)
     return beside, background, resonance

@@ -21,6 +21,8 @@ or narrower, to be led astray.
 """
 FIRST_SWEEPS = 8
 """Earliest sweeps that are asked, one by one, whether they show the mode alone."""
+OTHER_SIGN = 10.0
+"""Factor by which χ² must be lower under one sign of the phase than under the other."""
 BENT = 10.0
 """Reduced χ² of a fit to all sweeps from which on they may show something else than the mode."""
 
@@ -44,9 +46,17 @@ def without_background(dataset: xr.Dataset, sign: int) -> Fit:
     return min(found, key=lambda one: one.chi2_reduced)
 
 
-class OneSweep(NamedTuple):
-    """A fit to one sweep, and the end of names of its position."""
+def beside_background(dataset: xr.Dataset, sign: int) -> Fit:
+    """Return a fit of one mode beside a background and its slope."""
+    return fit_response(
+        dataset, "complex", background="slope", duffing=True, delay=True, phase_sign=sign
+    )
 
+
+class OneSweep(NamedTuple):
+    """A sweep alone, a fit to it, and the end of names of its position."""
+
+    sweep: xr.Dataset
     fitted: Fit
     end: str
 
@@ -105,6 +115,17 @@ class SingleSweeps:
         later = (one.fitted for one in fits if one is not None)
         return first if any(_away(one, first.fitted) > ELSEWHERE for one in later) else None
 
+    def show(self, sign: int) -> bool:
+        """Whether a clear sweep shows this sign of the phase.
+
+        A mode alone meets it, and under the other sign none does, not even beside a background.
+        """
+        clear = (one for one in self._fits(sign) if one is not None)
+        return any(
+            beside_background(one.sweep, -sign).chi2_reduced > OTHER_SIGN * one.fitted.chi2_reduced
+            for one in clear
+        )
+
     def _fits(self, sign: int) -> Iterator[OneSweep | None]:
         """Yield the fit to each sweep, None for one that is not clear alone."""
         begun = self._begun.get(sign) or self._fitted(sign)
@@ -133,7 +154,7 @@ class SingleSweeps:
             loud = alone["y_max"] * drive > CLEAR * together.noise
             clear = alone.chi2_reduced < ADEQUATE and low < alone["frequency"] < high and loud
             end = self._place[int(together.position[mine][0])]
-            yield OneSweep(alone, end) if clear else None
+            yield OneSweep(part, alone, end) if clear else None
 
 
 def is_astray(one: Fit, right: Fit) -> bool:

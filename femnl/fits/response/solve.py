@@ -3,8 +3,11 @@
 Starts in turn, states and parameters in turn, and a way off the folds.
 """
 
+import hashlib
+import pickle
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, lru_cache
 from itertools import chain, islice
 
 import numpy as np
@@ -29,6 +32,8 @@ GOOD = 2.0
 # factor tell that none does better.
 SAME = 1.001
 AGREED = 3
+REMEMBERED = 4
+"""Full searches whose answer is remembered."""
 # Steps of α_y/α_c, in standard deviations, that take a fit off a fold where it got stuck.
 RATIO = 2  # where α_y/α_c stands in θ
 KICKS = (0.3, -0.3, 1.0, -1.0, 3.0, -3.0)
@@ -100,33 +105,83 @@ def solve(
 ) -> tuple[Misfit, Array]:
     """Minimise the misfit from each start until one leaves only noise.
 
+    The last few full searches are remembered, as one that finds no start that does is long, and the
+    choice of a model asks for some of them again.
+
     Args: limits: of θ; first: starts tried before all others; only_first: whether there are no
         others.
     Return the best misfit, with its states, and θ.
     """
-    search = _Search(Misfit.of(sweeps, layout, use), limits.low, limits.high, limits.free)
-    n_points = len(sweeps.frequency) * (2 if use == "complex" else 1)
-    noisy = n_points + GOOD * np.sqrt(2 * n_points)
-    others = () if only_first else _all_starts(sweeps, layout, use, limits)
-    for start in chain(first, others):
+    problem = _Problem(sweeps, layout, use, limits, tuple(first), only_first)
+    misfit, theta = problem.solution() if only_first else _remembered(problem)
+    return replace(misfit), theta.copy()
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What `solve` is asked for; two are equal if all their numbers are."""
+
+    sweeps: Sweeps
+    layout: Layout
+    use: Use
+    limits: Limits
+    first: tuple[Array, ...]
+    only_first: bool
+
+    @cached_property
+    def _content(self) -> bytes:
+        parts = [getattr(self, one.name) for one in fields(self)]
+        return hashlib.sha256(pickle.dumps(parts)).digest()
+
+    def __hash__(self) -> int:
+        return hash(self._content)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Problem) and self._content == other._content
+
+    def solution(self) -> tuple[Misfit, Array]:
+        """Return the best misfit, with its states, and θ."""
+        misfit = Misfit.of(self.sweeps, self.layout, self.use)
+        search = _Search(misfit, self.limits.low, self.limits.high, self.limits.free)
+        n_points = len(self.sweeps.frequency) * (2 if self.use == "complex" else 1)
+        noisy = n_points + GOOD * np.sqrt(2 * n_points)
+        for start in chain(self.first, self._others()):
+            theta = self._bettered(start)
+            if theta is None:
+                continue
+            search.start(theta)
+            if not self.only_first and search.found(noisy):
+                break
+        if not search.theta.size:  # no start, or none with a finite misfit
+            raise ConvergenceError(
+                f"use = {self.use!r}: the points show no resonance to start from; choose another "
+                "range or use='complex'"
+            )
+        search.leave_fold()
+        return replace(search.misfit, last=None), search.theta
+
+    def _others(self) -> Iterable[Array]:
+        if self.only_first:
+            return ()
+        return _all_starts(self.sweeps, self.layout, self.use, self.limits)
+
+    def _bettered(self, start: Array) -> Array | None:
+        """Return a start, or what a linear estimate makes of it where that misfits less."""
+        limits = self.limits
         candidates = [np.clip(start, limits.low, limits.high)]
-        if use == "complex" and limits.free[2]:
-            better = refine(sweeps, layout, candidates[0], limits.free)
+        if self.use == "complex" and limits.free[2]:
+            better = refine(self.sweeps, self.layout, candidates[0], limits.free)
             candidates.append(np.clip(better, limits.low, limits.high))
         # Of data far out of proportion a linear estimate may be no number
         finite = [theta for theta in candidates if np.isfinite(theta).all()]
         if not finite:
-            continue
-        search.start(min(finite, key=Misfit.of(sweeps, layout, use).cost))
-        if not only_first and search.found(noisy):
-            break
-    if not search.theta.size:  # no start, or none with a finite misfit
-        raise ConvergenceError(
-            f"use = {use!r}: the points show no resonance to start from; choose another range or "
-            "use='complex'"
-        )
-    search.leave_fold()
-    return search.misfit, search.theta
+            return None
+        return min(finite, key=Misfit.of(self.sweeps, self.layout, self.use).cost)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered(problem: _Problem) -> tuple[Misfit, Array]:
+    return problem.solution()
 
 
 def _all_starts(sweeps: Sweeps, layout: Layout, use: Use, limits: Limits) -> Iterator[Array]:
