@@ -42,10 +42,75 @@ def test_a_unit_in_a_heading_counts_where_its_column_is_named_by_number(tmp_path
     np.testing.assert_allclose(data["frequency"].values[0], 1e3 * HZ)
 
 
-@pytest.mark.parametrize("name", ["f (demod 1)", "f [a.u.]", "f (V)", "run_2", "f/s"])
+@pytest.mark.parametrize("name", ["f (demod 1)", "f [a.u.]", "run_2", "f/s"])
 def test_what_is_no_unit_of_the_quantity_says_nothing(name: str, tmp_path: Path) -> None:
     data, _ = imported(tmp_path, table(f"{name},X,Y"), SWEEP.format(f=f'"{name}"'))
     np.testing.assert_allclose(data["frequency"].values[0], HZ)
+
+
+@pytest.mark.parametrize(
+    ("name", "instead"),
+    [
+        ("f (V)", "'Hz'"),
+        ("f [dBm]", "'Hz'"),
+        ("Freq (MHZ)", "'mHz' or 'MHz'"),
+        ("f (KHZ)", "'kHz'"),
+    ],
+)
+def test_a_unit_of_another_quantity_or_in_wrong_letters_is_refused(
+    name: str, instead: str, tmp_path: Path
+) -> None:
+    found = name.split()[1].strip("()[]")
+    line = f"the file says '{found}' of .*, which is no unit of Hz; .* unit = {instead}"
+    with pytest.raises(MeasurementError, match=line):
+        imported(tmp_path, table(f"{name},X,Y"), SWEEP.format(f=f'"{name}"'))
+    spec = SWEEP.format(f=f'{{ column = "{name}", unit = "kHz" }}')
+    data, _ = imported(tmp_path, table(f"{name},X,Y"), spec)
+    np.testing.assert_allclose(data["frequency"].values[0], 1e3 * HZ)
+
+
+@pytest.mark.parametrize("head", ["R{} [mV]", "R{} [dBV]"])
+def test_columns_side_by_side_have_the_unit_of_their_headings(head: str, tmp_path: Path) -> None:
+    names = [head.format(k) for k in (1, 2)]
+    spec = f'kind = "response"\n[columns]\nfrequency = "f"\nmagnitude = {{ column = {names} }}\n'
+    rows = "".join(f"{f},20,40\n" for f in HZ[::-1])
+    data, told = imported(tmp_path, "f," + ",".join(names) + "\n" + rows, spec)
+    volts = [[0.02], [0.04]] if "mV" in head else np.sqrt(2) * np.array([[10.0], [100.0]])
+    np.testing.assert_allclose(data["magnitude"], np.tile(volts, (1, HZ.size)))
+    np.testing.assert_allclose(data["frequency"], np.tile(HZ, (2, 1)))
+    assert data["direction"].values.tolist() == [-1, -1]
+    assert "columns.magnitude: in " in told
+    spec = spec.replace(names[1], "Z (V)")
+    with pytest.raises(MeasurementError, match="and 'V' of another of its columns; save them"):
+        imported(tmp_path, f"f,{names[0]},Z (V)\n" + rows, spec)
+
+
+def test_as_many_columns_as_points_are_sweeps_side_by_side(tmp_path: Path) -> None:
+    names = [f"R{k}" for k in range(len(HZ))]
+    spec = f'kind = "response"\n[columns]\nfrequency = "f"\nmagnitude = {{ column = {names} }}\n'
+    rows = "".join(
+        ",".join(map(str, [f, *(f + 1e4 * k for k in range(len(HZ)))])) + "\n" for f in HZ
+    )
+    data, told = imported(tmp_path, ",".join(["f", *names]) + "\n" + rows, spec)
+    np.testing.assert_allclose(data["magnitude"].values[3], HZ + 3e4)
+    assert "magnitude has one sweep a column" in told
+
+
+def test_a_drive_in_dbm_is_an_amplitude_over_fifty_ohm(tmp_path: Path) -> None:
+    spec = (
+        'kind = "response"\n[columns]\nfrequency = "f"\nreal = "X"\nimag = "Y"\ndrive = "P (dBm)"\n'
+    )
+    text = "f,X,Y,P (dBm)\n" + "".join(f"{f},1,0,-20\n" for f in HZ)
+    data, _ = imported(tmp_path, text, spec)
+    assert data["drive"].values.tolist() == pytest.approx([np.sqrt(2 * 50 * 1e-5)])
+
+
+def test_two_levels_by_other_references_are_no_unit_alike(tmp_path: Path) -> None:
+    column = '{ column = "P (dBV)", unit = "dBm" }'
+    spec = f'kind = "response"\n[columns]\nfrequency = "f"\nmagnitude = {column}\n'
+    text = "f,P (dBV)\n" + "".join(f"{f},0\n" for f in HZ)
+    with pytest.raises(MeasurementError, match="unit = 'dBm', but the file says 'dBV'"):
+        imported(tmp_path, text, spec)
 
 
 def test_a_unit_that_contradicts_the_heading_is_refused(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femnl.core.errors import MeasurementError
 from femnl.io import measurement
 from femnl.io.labfiles import import_file
 
@@ -41,13 +42,25 @@ def test_units_behind_a_slash_or_an_underscore_are_read(
     assert any("as the file says" in repair for repair in repairs)
 
 
+DECAY = 'kind = "decay"\n[columns]\ntime = "t (s)"\npower = "{}"\n[values]\nfrequency = "1 MHz"\n'
+POWERS = np.exp(-6 * np.linspace(0, 2, 50))
+
+
+def table(head: str, powers: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
+    rows = [f"{k / 25:.2f},{p:.9e}" for k, p in enumerate(powers)]
+    return "\n".join([f"t (s),{head}", *rows]) + "\n"
+
+
 def test_a_unit_that_is_not_known_is_told(tmp_path: Path) -> None:
-    time = np.linspace(0, 2, 50)
-    rows = [f"{t:.4f},{np.exp(-6 * t):.6e}" for t in time]
-    spec = (
-        'kind = "decay"\n[columns]\ntime = "t (s)"\npower = "P (uW)"\n'
-        '[values]\nfrequency = "1 MHz"\n'
-    )
-    repairs, _ = imported(tmp_path, "\n".join(["t (s),P (uW)", *rows]) + "\n", spec)
-    (told,) = [repair for repair in repairs if "uW" in repair]
+    head = "P (counts)"
+    repairs, _ = imported(tmp_path, table(head, np.log(POWERS)), DECAY.format(head))
+    (told,) = [repair for repair in repairs if "counts" in repair]
     assert "is no unit of it that is known, so that numbers are taken in dB" in told
+
+
+def test_a_power_in_watts_becomes_a_level_by_one_milliwatt(tmp_path: Path) -> None:
+    repairs, first = imported(tmp_path, table("P (uW)", POWERS), DECAY.format("P (uW)"))
+    assert first["power"] == pytest.approx(-30.0)
+    assert any("columns.power: in uW, as the file says" in repair for repair in repairs)
+    with pytest.raises(MeasurementError, match="W has no level in decibel; subtract no background"):
+        imported(tmp_path, table("P (uW)", POWERS - 0.5), DECAY.format("P (uW)"))

@@ -10,11 +10,15 @@ from femnl.io.labfiles.base import PARTS, SWEEP_VALUES
 from femnl.io.labfiles.named_columns import Columns
 
 
-def unrolled(columns: Columns, where: str) -> tuple[Columns, list[str]]:
+def unrolled(
+    columns: Columns, where: str, *, side_by_side: bool = False
+) -> tuple[Columns, list[str]]:
     """Return a long table of sweeps of which some columns are matrices, and a note on its order.
 
     A sweep is a row or a column of a matrix. Frequencies of one sweep alone tell by their number.
     A matrix of frequencies tells by the axis along which they span more.
+
+    Args: side_by_side: whether the rows were columns of a table, one a sweep.
 
     Returns: columns of sweeps × points rows, `sweep` among them, and notes.
     Raises: MeasurementError where sizes disagree, or where rows and columns are alike.
@@ -23,7 +27,7 @@ def unrolled(columns: Columns, where: str) -> tuple[Columns, list[str]]:
     shape = columns[part].shape
     if len(shape) != 2:
         raise MeasurementError(f"{where}: columns.{part} has {len(shape)} axes; save a matrix")
-    along = _axis_of_points(columns, part, where)
+    along = 1 if side_by_side else _axis_of_points(columns, part, where)
     points = shape[along]
     sweeps = shape[1 - along]
 
@@ -41,7 +45,7 @@ def unrolled(columns: Columns, where: str) -> tuple[Columns, list[str]]:
         _refuse_size(name, values, (part, shape), points, sweeps, where)
     table = {name: long(name) for name in columns}
     table["sweep"] = np.repeat(np.arange(sweeps, dtype=float), points)
-    one = "column" if along == 0 else "row"
+    one = "column" if along == 0 or side_by_side else "row"
     return table, [f"{where}: {part} has one sweep a {one}, {sweeps} of {points} points"]
 
 

@@ -13,7 +13,9 @@ from femnl.io.labfiles.spec import Column, Spec
 from femnl.io.measurement import KINDS, quantity, to_si
 from femnl.io.measurement.contract import Item
 from femnl.io.measurement.control_variables import free_item
+from femnl.io.measurement.units import is_unit_of
 
+MILLIWATT = 1e-3  # W, of which powers in decibel are multiples
 Columns = dict[str, NDArray[Any]]
 COMPLEX = {"amplitude": "V", "magnitude": "V", "phase": "rad"}
 """Quantities that together make a complex one, with their units."""
@@ -46,7 +48,7 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
             rate, _ = quantity(column.rate, "Hz", f"{place}.rate")
             taken[name] = np.arange(length) / rate
             continue
-        keys = column.column if isinstance(column.column, list) else [column.column]
+        keys = columns_of(column)
         found = [_named_so(wanted, table, place) for wanted in keys]
         key = ", ".join(str(wanted) for wanted in keys)
         if len({values.shape for values in found}) > 1:
@@ -59,9 +61,9 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
         where_here = f"{place} ({key})"
         if name == "direction":
             values = directions(values)
-        if name == "power" and is_level(column.unit):
-            taken[name] = _numbers(values, si, si, where_here)
-        elif name == "magnitude":
+        if name == "power":
+            taken[name] = _powers(values, column.unit, where_here)
+        elif name == "magnitude" or (name == "drive" and is_level(column.unit)):
             taken[name] = magnitudes(values, column.unit, key, where_here)
         else:
             unit = column.unit if column.unit is not None else si
@@ -135,13 +137,17 @@ def in_own_units(spec: Spec, units: Mapping[str, str]) -> Spec:
     return spec.model_copy(update={"columns": columns})
 
 
+def columns_of(column: Column) -> list[str | int]:
+    """Return the names or numbers of the columns that are one quantity, one or several sweeps."""
+    given = column.column
+    if given is None:
+        return []
+    return list(given) if isinstance(given, list) else [given]
+
+
 def named(spec: Spec) -> set[str]:
     """Return the columns that a spec names."""
-    found: set[str] = set()
-    for name in spec.columns:
-        given = spec.column(name).column
-        found |= {str(one) for one in (given if isinstance(given, list) else [given])}
-    return found
+    return {str(one) for name in spec.columns for one in columns_of(spec.column(name))}
 
 
 def unread(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> list[str]:
@@ -149,6 +155,28 @@ def unread(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> list[st
     known = named(spec)
     left = [name for name in table if name not in known]
     return [f"{where}: columns that are not read: {', '.join(left[:12])}"] if left else []
+
+
+def _powers(values: NDArray[Any], unit: str | None, where: str) -> NDArray[Any]:
+    """Return powers in decibel, those in watts by 1 mW.
+
+    Raises: MeasurementError for another unit, and for watts that are not positive, which have no
+    level.
+    """
+    if unit is None or is_level(unit):
+        return _numbers(values, "dB", "dB", where)
+    if not is_unit_of(unit, "W"):
+        raise MeasurementError(
+            f"{where}: unit {unit!r} is that of no power; give it in dB, dBm or W, or name a "
+            "voltage magnitude"
+        )
+    watts = _numbers(values, unit, "W", where)
+    if np.any(watts <= 0):
+        raise MeasurementError(
+            f"{where}: {watts[watts <= 0].flat[0]:g} W has no level in decibel; subtract no "
+            "background, and mark what is no power as NaN"
+        )
+    return np.asarray(10 * np.log10(watts / MILLIWATT))
 
 
 def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[Any]:

@@ -6,16 +6,23 @@ from unicodedata import normalize
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.levels import is_level
-from femnl.io.labfiles.named_columns import COMPLEX
+from femnl.io.labfiles.named_columns import COMPLEX, columns_of
 from femnl.io.labfiles.spec import Column, Spec
 from femnl.io.measurement import KINDS, to_si
-from femnl.io.measurement.units import is_unit_of
+from femnl.io.measurement.units import is_unit_of, multiples
 
 _IN_BRACKETS = re.compile(r".*\S\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")
 _BEHIND_SLASH = re.compile(r".*\S\s*/\s*([^\s/]+)")
 _BEHIND = re.compile(
     r".*\S[ _]((?:[fpnuµμmkMGT](?:Hz|V|s|m|A|W|Pa|K|N|T|rad))|Hz|deg|m?bar|[Tt]orr|degC|°C?|min)"
 )
+ELSEWHERE = frozenset(
+    unit
+    for si in ("Hz", "V", "A", "W", "Pa", "K", "s", "m", "T", "rad")
+    for unit in multiples(si)
+    if len(unit) > 1 or unit in "VAWK"
+) | {"deg", "degC", "°C", "mbar", "bar", "Torr", "mTorr", "rad/s", "rpm"}
+"""Units that a heading cannot mean otherwise, as "f/s" or "run_m" may."""
 _RMS = re.compile(r"(\w*V)[ _]?rms", re.IGNORECASE)
 
 
@@ -32,40 +39,70 @@ def as_stated(spec: Spec, units: Mapping[str, str], where: str) -> tuple[Spec, l
     """Return a spec whose columns have the units that the file states, and what was taken so.
 
     Args: units: what may be a unit, by column; no unit of the quantity is none.
-    Raises: MeasurementError where the spec states another one, and where only the file says that
-    volts are root mean square.
+    Raises: MeasurementError where the spec states another one, where only the file says that volts
+    are root mean square, and where what it says is a unit of another quantity.
     """
     units = {normalize("NFKC", name): unit for name, unit in units.items()}
     columns: dict[str, Column | str | int] = dict(spec.columns)
     notes: list[str] = []
     for name in spec.columns:
         column = spec.column(name)
-        single = isinstance(column.column, str | int)
-        found = units.get(normalize("NFKC", str(column.column)), "") if single else ""
         place = f"{where}: columns.{name}"
+        found = _one_for_all(column, units, place)
+        head = ", ".join(map(str, columns_of(column)))
         rms = _RMS.fullmatch(found)
         if rms and spec.rms is None:
             raise MeasurementError(
-                f"{place}: {str(column.column)!r} is root mean square; give rms = true, which "
-                "multiplies by √2, or rms = false"
+                f"{place}: {head!r} is root mean square; give rms = true, which multiplies by √2, "
+                "or rms = false"
             )
         found = rms[1] if rms else found
+        si = _si(name, spec)
         if not _fits(found, name, spec):
-            if found and column.unit is None and (si := _si(name, spec)):
-                notes.append(
-                    f"{place}: {found!r} of {str(column.column)!r} is no unit of it that is known, "
-                    f"so that numbers are taken in {si}; give unit where they are not"
-                )
+            # Of a magnitude in dB the level is asked for where it is read
+            if found and column.unit is None and si and (name, found) != ("magnitude", "dB"):
+                notes.append(_told(found, si, head, place))
             continue
         if column.unit is None:
             columns[name] = column.model_copy(update={"unit": found})
             notes.append(f"{place}: in {found}, as the file says")
-        elif not _same(found, column.unit, _si(name, spec)):
+        elif not _same(found, column.unit, si):
             raise MeasurementError(
-                f"{place}: unit = {column.unit!r}, but the file says {found!r} of "
-                f"{str(column.column)!r}; correct the one that is wrong"
+                f"{place}: unit = {column.unit!r}, but the file says {found!r} of {head!r}; "
+                "correct the one that is wrong"
             )
     return spec.model_copy(update={"columns": columns}), notes
+
+
+def _one_for_all(column: Column, units: Mapping[str, str], place: str) -> str:
+    """Return the unit that the file states of a column, or of several that are one quantity."""
+    names = columns_of(column)
+    stated = [units.get(normalize("NFKC", str(name)), "") for name in names]
+    other = next((unit for unit in stated if unit != stated[0]), None)
+    if other is not None:
+        raise MeasurementError(
+            f"{place}: the file says {stated[0]!r} of {str(names[0])!r} and {other!r} of another "
+            "of its columns; save them in one unit"
+        )
+    return stated[0] if stated else ""
+
+
+def _told(found: str, si: str, head: str, place: str) -> str:
+    """Return what is said of text that is no unit of a quantity, and may be none at all.
+
+    Raises: MeasurementError where it is the unit of another quantity, or one in wrong letters.
+    """
+    meant = [unit for unit in multiples(si) if unit.casefold() == found.casefold()]
+    if meant or is_level(found) or found in ELSEWHERE:
+        instead = " or ".join(map(repr, meant)) or repr(si)
+        raise MeasurementError(
+            f"{place}: the file says {found!r} of {head!r}, which is no unit of {si}; give the "
+            f"unit of its numbers, as in unit = {instead}"
+        )
+    return (
+        f"{place}: {found!r} of {head!r} is no unit of it that is known, so that numbers are taken "
+        f"in {si}; give unit where they are not"
+    )
 
 
 def _si(name: str, spec: Spec) -> str:
@@ -78,15 +115,21 @@ def _si(name: str, spec: Spec) -> str:
 def _fits(unit: str, name: str, spec: Spec) -> bool:
     """Whether text is a unit of a quantity that has one; dB alone says nothing of volts."""
     if is_level(unit):
-        return name == "power" or (name == "magnitude" and unit != "dB")
+        return name == "power" or (name in ("magnitude", "drive") and unit != "dB")
+    if name == "power":
+        return bool(unit) and is_unit_of(unit, "W")
     si = _si(name, spec)
     return bool(unit and si) and is_unit_of(unit, si)
 
 
 def _same(one: str, other: str, si: str) -> bool:
     """Whether two units are one; levels in decibel may be named by their reference or not."""
+    if is_level(one) and is_level(other):
+        return "dB" in (one, other) or normalize("NFKC", one) == normalize("NFKC", other)
     if is_level(one) or is_level(other):
-        return is_level(one) and is_level(other)
+        return False
+    if si == "dB":
+        si = "W"  # of a power that is no level
     if not is_unit_of(other, si):
         return True  # which is refused where it is read
     first, second = (float(to_si(1.0, unit, si, "")) for unit in (one, other))

@@ -48,7 +48,8 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
         return _decay(spec, columns, where), []
     order: list[str] = []
     if spec.kind == "response" and any(values.ndim > 1 for values in columns.values()):
-        columns, order = unrolled(columns, where)
+        listed = any(isinstance(spec.column(name).column, list) for name in spec.columns)
+        columns, order = unrolled(columns, where, side_by_side=listed)
     _complex(spec, columns, where)
     if any(values.ndim > 1 for values in columns.values()) or spec.kind in ("spectrum", "series"):
         return _direct(spec, columns, where), []

@@ -98,6 +98,11 @@ def is_unit_of(unit: str, si: str) -> bool:
     return True
 
 
+def multiples(si: str) -> tuple[str, ...]:
+    """Return an SI unit with the prefixes that files use: mV for V."""
+    return (si, *(prefix + si for prefix in "fpnuµmkMGT"))
+
+
 def coherent(unit: str, where: str) -> str:
     """Return the SI unit of what `unit` measures, as near to it as can be: V for mV, K for degC.
 
