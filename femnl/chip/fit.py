@@ -198,11 +198,13 @@ def _left_out(values: Values, predicted: Mixture) -> LeftOut:
     )
 
 
-def _slope(model: Hierarchy) -> tuple[Parameter, Parameter]:
-    """Return the gradient of the variation in the middle of the chip."""
+def _slope(model: Hierarchy) -> tuple[Parameter, ...]:
+    """Return the gradient of the variation in the middle of the chip, along what devices span."""
     step = 0.1 * model.scale
     found = []
     for axis, name in enumerate("xy"):
+        if np.ptp(model.values.place[:, axis]) == 0:
+            continue
         back = model.centre[None].copy()
         ahead = back.copy()
         back[0, axis] -= step
@@ -213,7 +215,7 @@ def _slope(model: Hierarchy) -> tuple[Parameter, Parameter]:
                 name, float(number.mean[0] / (2 * step)), float(number.sd[0] / (2 * step)), "1"
             )
         )
-    return found[0], found[1]
+    return tuple(found)
 
 
 def _means(entries: Entries, model: Hierarchy) -> dict[str, Parameter]:

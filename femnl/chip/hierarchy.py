@@ -23,10 +23,17 @@ from scipy.special import logsumexp
 from femnl.chip.mixture import LOG2PI, TINY, Mixture
 from femnl.chip.scales import FIELDS, PLANE, TERMS, Scales, grid
 from femnl.chip.sums import Sums, sums_of
-from femnl.chip.values import Array, Integers, Values
+from femnl.chip.values import LEAST_SHARE, Array, Integers, Values
+from femnl.core.robust import MAD
 
 MEAN_SD = 20.0
 """Standard deviation of the prior of a group's mean about its median, in the same unit."""
+
+
+ENOUGH = 12
+"""Devices from which on a bowl leaves what they differ by: twice its terms and its mean."""
+ROUNDS = 20
+"""Least squares in turn that end at the least sum of absolute deviations."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +92,26 @@ class Hierarchy:
     def scales(self) -> Scales:
         """Every form and scale that is summed over."""
         several = len(np.unique(self.values.device)) < len(self.values.y)
-        return grid(self.fields, several, self.unit)
+        return grid(self.fields, several, self.unit, self._rest)
+
+    @cached_property
+    def _rest(self) -> float:
+        """What devices differ by beside the bowl that most of them lie on, over the unit.
+
+        1 for few devices, which leave nothing beside a bowl by chance.
+        """
+        if len(self.fields) == 1 or len(self.devices) < ENOUGH:
+            return 1.0
+        v = self.values
+        own = (v.group[:, None] == v.groups).astype(float)
+        columns = np.hstack([own, self.terms(v.place)])
+        off = v.y - self.reference(v)
+        weight = np.ones(len(off))
+        for _ in range(ROUNDS):
+            fitted = np.linalg.lstsq(columns * weight[:, None], off * weight, rcond=None)[0]
+            left = np.abs(off - columns @ fitted)
+            weight = 1 / np.sqrt(np.maximum(left, LEAST_SHARE * self.unit))
+        return float(np.clip(MAD * np.median(left) / self.unit, LEAST_SHARE, 1.0))
 
     @cached_property
     def prior_sd(self) -> Array:

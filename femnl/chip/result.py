@@ -61,14 +61,15 @@ class Quantity:
     """Frequencies or quality factors of a chip.
 
     fields: probability of each form of the smooth variation. slope: relative change for a unit of
-    the places, along x and y. peak_to_valley: of the variation, between the highest and the lowest
-    device. spread: from device to device, relative. means: of each design and mode, in Hz or 1.
+    the places, along x and y, as far as devices differ in them. peak_to_valley: of the variation,
+    between the highest and the lowest device. spread: from device to device, relative. means: of
+    each design and mode, in Hz or 1.
     """
 
     name: str
     unit: str
     fields: dict[str, float]
-    slope: tuple[Parameter, Parameter] | None
+    slope: tuple[Parameter, ...] | None
     peak_to_valley: float
     spread: Parameter
     means: dict[str, Parameter]

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from femnl.chip.result import ChipFit, Quantity
+from femnl.chip.result import ChipFit, Deviation, Quantity
 from femnl.core.fit import Parameter
-from femnl.core.numbers import engineering, plain, with_error
+from femnl.core.numbers import Scale, scale_for, with_error
 
 CLEAR = 0.95
 """Probability from which on a form of the variation is called so."""
+MOST_DECIMALS = 5
 LEAST_TOLD = 1e-3
 """Probability below which a number is not told: the priors are not known that well."""
 
@@ -30,6 +31,12 @@ def common(quantity: Quantity, fit: ChipFit) -> list[list[str]]:
             ]
             for p in quantity.slope
         ]
+        told = {p.name for p in quantity.slope}
+        rows += [
+            [f"slope along {name}", f"not told, as all devices have the same {name}"]
+            for name in "xy"
+            if name not in told
+        ]
         rows.append(["from lowest to highest device", f"{100 * quantity.peak_to_valley:.3g} %"])
     spread = quantity.spread
     rows.append(["from device to device", f"{percent(spread)}"])
@@ -43,8 +50,9 @@ def _number(parameter: Parameter, quantity: Quantity) -> str:
 
 def percent(part: Parameter) -> str:
     """Return a relative number and its error in per cent, without powers of ten."""
-    decimals = 0 if part.sd >= 0.01 else 2
-    return f"{100 * part.value:.{decimals}f} ± {100 * part.sd:.{decimals}f} %"
+    error = 100 * part.sd
+    decimals = int(np.clip(1 - np.floor(np.log10(error)), 0, MOST_DECIMALS)) if error > 0 else 2
+    return f"{100 * part.value:.{decimals}f} ± {error:.{decimals}f} %"
 
 
 def chance(probability: float) -> str:
@@ -73,14 +81,12 @@ def variation(quantity: Quantity) -> str:
 def deviating(quantity: Quantity) -> list[list[str]]:
     """Return a row for every device and mode, those that deviate most first."""
     ordered = sorted(quantity.devices, key=lambda d: -abs(d.sigma))
-    show = engineering if quantity.unit != "1" else _plain
     return [
         [
             d.device,
             d.mode,
             d.design,
-            show(d.value, quantity.unit),
-            show(d.predicted, quantity.unit),
+            *_alike(d, quantity.unit),
             signed_percent(d.log_ratio),
             f"{d.sigma:+.1f}".replace("-", "−"),
             f"{d.outlier:.2f}" if d.outlier else "",
@@ -89,8 +95,19 @@ def deviating(quantity: Quantity) -> list[list[str]]:
     ]
 
 
-def _plain(value: float, _: str) -> str:
-    return plain(value, 3)
+def _alike(device: Deviation, unit: str) -> tuple[str, str]:
+    """Return value and prediction in one unit, to the digits in which they differ."""
+    scale = scale_for(device.predicted, unit) if unit != "1" else Scale(1.0, "")
+    apart = abs(device.value - device.predicted) / scale.size
+    sd = apart / abs(device.sigma) if device.sigma else 0.0
+    least = max(apart, sd) or 1.0
+    whole = np.log10(max(device.predicted / scale.size, 1.0))
+    decimals = int(np.clip(1 - np.floor(np.log10(least)), max(0, 2 - whole), MOST_DECIMALS))
+    value, predicted = (
+        f"{number / scale.size:.{decimals}f} {scale.unit}".strip()
+        for number in (device.value, device.predicted)
+    )
+    return value, predicted
 
 
 def left_out(quantity: Quantity) -> str:

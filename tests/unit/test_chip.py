@@ -382,3 +382,17 @@ def test_a_mode_that_one_device_alone_has_says_nothing_of_it(shift: float) -> No
         assert "+1.0" in found.causes[0].words
     assert ("D12", "3,1") not in {(one.device, one.mode) for one in found.frequency.devices}
     assert any("D12 3,1" in note for note in found.notes)
+
+
+def test_a_spread_far_below_the_gradient_is_found() -> None:
+    """Devices that scatter by 0.01 % over a chip that varies by 8 %, one of them 0.1 % off."""
+    rng = np.random.default_rng(3)
+    place = np.array([(x, y) for x in range(5) for y in range(5)], float)
+    y = 0.02 * place[:, 0] + 1e-4 * rng.standard_normal(25)
+    y[7] -= 1e-3
+    one = np.arange(25)
+    found = clean(Values(y, np.full(25, 1e-6), one, np.zeros(25, int), place))
+    assert list(found.outliers) == [7]
+    spread, sd = found.model.spread()
+    assert spread == pytest.approx(1e-4, abs=3 * sd)
+    assert 1e-5 < sd < 4e-5

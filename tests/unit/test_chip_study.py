@@ -11,6 +11,7 @@ from scipy.special import ndtri
 from femnl.chip import fit_chip, read_chip
 from femnl.chip.fit import entries_of
 from femnl.chip.readings import median_of
+from femnl.chip.words import common, deviating
 from femnl.cli._main import run
 from femnl.core.errors import FemnlError, ParameterError
 from femnl.io import measurement
@@ -283,3 +284,21 @@ def test_a_file_gives_the_modes_of_a_device_by_spectrum_response_and_decay(
     assert found.frequency["a"].value == pytest.approx(1e6, abs=1)
     assert found.quality["a"].value == pytest.approx(5e4, rel=0.01)
     assert found.quality["b"].value == pytest.approx(2e6 * np.pi / (6 * np.log(10)), rel=0.02)
+
+
+def test_a_row_of_devices_tells_no_slope_across(tmp_path: Path) -> None:
+    rng = np.random.default_rng(SEED)
+    rows = "device,mode,frequency,x [mm],y [mm]\n"
+    rows += "".join(
+        f"A-{k},1,{1e6 * (1 + 1e-3 * k + rng.normal(0, 1e-5)):.3f},{k},0\n" for k in range(1, 15)
+    )
+    text = STUDY.partition("[positions]")[0]
+    text += '[table.columns]\nx = "x [mm]"\ny = "y [mm]"\n'
+    fit = fit_chip(read_chip(study(tmp_path, text, rows)))
+    told = dict(common(fit.frequency, fit))
+    assert told["slope along y"] == "not told, as all devices have the same y"
+    assert told["slope along x"].startswith("0.099")
+    device = next(row for row in deviating(fit.frequency) if row[0] == "A-9")
+    value, predicted = (float(text.split()[0]) for text in device[3:5])
+    assert value == pytest.approx(1.009, abs=1e-4)
+    assert value != predicted
