@@ -15,6 +15,7 @@ from femnl.core.errors import GeometryError
 from femnl.core.resources import find_geometry
 from femnl.device.geometry import curves, parse
 from femnl.device.layout import import_layout
+from femnl.device.layout.export import export_layout
 from femnl.device.mesh import covers
 from femnl.device.mesh.symmetry import FULL, find_wedge
 from tests.unit.layouts import write
@@ -57,7 +58,7 @@ def test_a_curve_within_another_of_its_layer_is_refused(tmp_path: Path) -> None:
         imported(dxf(tmp_path / "a.dxf", draw), film="F")
 
 
-def hatched(space: ezdxf.layouts.Modelspace) -> None:
+def hatched(space: ezdxf.layouts.BaseLayout) -> None:
     """Draw a film with a round end, a round hole, an elliptic one and one of four edges."""
     bulge = np.tan(np.pi / 8)
     corners = [(-100, -50, 0), (100, -50, bulge), (150, 0, bulge), (100, 50, 0), (-100, 50, 0)]
@@ -319,3 +320,49 @@ def test_a_frame_that_is_a_ring_leaves_the_film_in_its_opening(tmp_path: Path) -
     model = imported(write(tmp_path / "a.gds", film, *ring), film="1/0", frame="3/0")
     assert model.outline.length == pytest.approx(180 * UM)
     assert all(segment.clamped for segment in model.outline.segments)
+
+
+CORNERS = [(-40, -50), (40, -50), (50, -40), (50, 40), (40, 50), (-40, 50), (-50, 40), (-50, -40)]
+QUARTER = float(np.tan(np.pi / 8))
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_a_closed_polyline_may_turn_either_way(tmp_path: Path, clockwise: bool) -> None:
+    """Its bulges are negative where it turns clockwise, and its arcs come the other way round."""
+    bulged = [(*corner, QUARTER * (k % 2)) for k, corner in enumerate(CORNERS)]
+    if clockwise:
+        bulged = [(*c, -QUARTER * (k % 2)) for k, c in enumerate(CORNERS[::-1])]
+
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        space.add_lwpolyline(bulged, "xyb", close=True, dxfattribs={"layer": "F"})
+
+    model = imported(dxf(tmp_path / "a.dxf", draw), film="F")
+    assert model.outline.kind == "square"
+    assert curves.area(model.outline) == pytest.approx((1e4 - (4 - np.pi) * 100) * UM**2)
+
+
+def test_a_polyline_may_be_hollow_and_a_lens_has_two_arcs(tmp_path: Path) -> None:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        hollow = [(-100, -100), (100, -100), (100, 100, -QUARTER), (-100, 100)]
+        full = [(*corner, 0.0)[:3] for corner in hollow]
+        space.add_lwpolyline(full, "xyb", close=True, dxfattribs={"layer": "F"})
+        lens = [(-30, -50, QUARTER), (30, -50, QUARTER)]
+        space.add_lwpolyline(lens, "xyb", close=True, dxfattribs={"layer": "H"})
+
+    model = imported(dxf(tmp_path / "a.dxf", draw), film="F", holes="H")
+    segment = (np.pi / 4 - 0.5) * 2  # a quarter of a circle less its triangle, of chord 2: r² = 2
+    assert curves.area(model.outline) == pytest.approx((4e4 - segment * 1e4) * UM**2)
+    (opening,) = model.openings
+    assert curves.area(opening) == pytest.approx(2 * segment * 900 * UM**2)
+
+
+def test_a_polygon_with_fillets_survives_export_and_import(tmp_path: Path) -> None:
+    """Some of its coordinates are zero but for rounding, which a geometry refuses."""
+    path = tmp_path / "six.toml"
+    text = find_geometry("square-270um").read_text(encoding="utf-8")
+    shape = 'kind = "regular-polygon"\nsides = 6\nlong_axis = "100 um"\nfillet = "5 um"'
+    path.write_text(text.replace('kind = "square"\nside = "270 um"', shape), encoding="utf-8")
+    model = load(path)
+    export_layout(model, tmp_path / "six.gds")
+    again = imported(tmp_path / "six.gds", film="1/0")
+    assert curves.area(again.outline) == pytest.approx(curves.area(model.outline), rel=1e-6)

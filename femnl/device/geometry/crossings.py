@@ -40,8 +40,11 @@ def refuse_curved_crossings(segments: tuple[Segment, ...], remedy: str) -> None:
         )
 
 
-def refuse_crossings(corners: Array) -> None:
-    """Refuse a polygon with edges of no length, or edges that meet away from corners."""
+def refuse_crossings(corners: Array, straight: NDArray[np.bool_]) -> None:
+    """Refuse a polygon with edges of no length, or straight ones that meet away from corners.
+
+    Args: straight (n,): which edges are no arcs; where there are arcs, their chords may cross.
+    """
     number = len(corners)
     extent = np.ptp(corners, axis=0).max()
     ends = np.roll(corners, -1, axis=0)
@@ -57,7 +60,7 @@ def refuse_crossings(corners: Array) -> None:
             f"[outline] points {k + 1} and {(k + 1) % number + 1} coincide: {hint}",
             (float(corners[k][0]), float(corners[k][1])),
         )
-    for k in range(number):
+    for k in np.flatnonzero(straight & np.roll(straight, -1)).tolist():
         chord = ends[k] - corners[k]
         # The neighbour on either side shares a corner, and must only not fold back onto this edge.
         after = ends[(k + 1) % number] - ends[k]
@@ -69,7 +72,7 @@ def refuse_crossings(corners: Array) -> None:
                 "give the corners in order",
                 (float(ends[k][0]), float(ends[k][1])),
             )
-    first = _first_meeting(corners, ends, 1e-12 * extent**2)
+    first = _first_meeting(corners, ends, 1e-12 * extent**2) if straight.all() else None
     if first is not None:
         k, other = first
         raise GeometryError(

@@ -107,9 +107,11 @@ class Polygon(Table):
                 "[outline] free names every edge: the film hangs on nothing, leave at least one "
                 "edge clamped"
             )
-        refuse_crossings(corners)
+        arcs = self._through()
+        straight = ~np.isin(np.arange(number), [k for k, _ in arcs])
+        refuse_crossings(corners, straight)
         segments = list(loop(corners, clamped))
-        for k, through in self._through():
+        for k, through in arcs:
             segments[k] = _arc(k, segments[k], through)
         names = [f"point {k + 1}" for k in range(number)]
         made = rounded(tuple(segments), self._radii(), names)

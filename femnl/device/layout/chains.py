@@ -37,13 +37,13 @@ def closed(pieces: Sequence[Loop], what: str) -> tuple[list[Array], list[Loop], 
     faults = []
     while waiting:
         chain = waiting.pop(0)
-        while not _meet(chain[-1].end, chain[0].start):
+        while not meet(chain[-1].end, chain[0].start):
             following = next((k for k, p in enumerate(waiting) if _touches(chain, p)), None)
             if following is None:
                 break
             piece = waiting.pop(following)
-            chain += piece if _meet(piece[0].start, chain[-1].end) else reverse(piece)
-        if not _meet(chain[-1].end, chain[0].start):
+            chain += piece if meet(piece[0].start, chain[-1].end) else reverse(piece)
+        if not meet(chain[-1].end, chain[0].start):
             faults.append(Fault(f"open path on {what}", chain[-1].end, True))
             continue
         chain = counter_clockwise(_joined(chain))
@@ -64,7 +64,7 @@ def reverse(chain: Loop) -> Loop:
 
 def _touches(chain: Loop, piece: Loop) -> bool:
     end = chain[-1].end
-    return _meet(piece[0].start, end) or _meet(piece[-1].end, end)
+    return meet(piece[0].start, end) or meet(piece[-1].end, end)
 
 
 def _joined(chain: Loop) -> Loop:
@@ -72,5 +72,6 @@ def _joined(chain: Loop) -> Loop:
     return tuple(replace(s, start=chain[k - 1].end) for k, s in enumerate(chain))
 
 
-def _meet(a: tuple[float, float], b: tuple[float, float]) -> bool:
+def meet(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    """Whether two points are one."""
     return bool(np.hypot(a[0] - b[0], a[1] - b[1]) < GRID)

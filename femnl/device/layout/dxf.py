@@ -29,7 +29,7 @@ from femnl.device.geometry.corners import arc_through
 from femnl.device.geometry.quantities import LENGTH, to_si
 from femnl.device.geometry.shapes import ellipse
 from femnl.device.geometry.splines import arcs_along
-from femnl.device.layout.chains import GRID, closed
+from femnl.device.layout.chains import GRID, closed, meet, reverse
 from femnl.device.layout.drawing import Drawing, Loop
 
 Array = NDArray[np.float64]
@@ -165,9 +165,9 @@ def _pieces(entity: Any, size: float) -> list[Loop]:
             edges = [edge.transform(MIRRORED) for edge in edges]
         return [piece for edge in edges for piece in _pieces(edge, size)]
     if kind in ("LWPOLYLINE", "POLYLINE"):
-        parts = [_pieces(part, size)[0] for part in entity.virtual_entities()]
+        parts = [s for part in entity.virtual_entities() for s in _pieces(part, size)[0]]
         # Closed ones may repeat their first corner
-        chain = tuple(s for part in parts for s in part if s.start != s.end)
+        chain = _in_line([s for s in parts if s.start != s.end])
         return [chain] if chain else []
     if kind == "LINE":
         return [(Segment(_at(entity.dxf.start, size), _at(entity.dxf.end, size)),)]
@@ -183,6 +183,21 @@ def _pieces(entity: Any, size: float) -> list[Loop]:
         axes = (longer, longer * entity.dxf.ratio)
         return [ellipse(_at(entity.dxf.center, size), axes, float(np.arctan2(major.y, major.x)))]
     return [_smooth(entity.construction_tool(), size)]
+
+
+def _in_line(parts: list[Segment]) -> Loop:
+    """Return parts of a polyline from its start to its end; arcs may come the other way round."""
+    chain = parts[:1]
+    for part in parts[1:]:
+        if len(chain) == 1 and not _touch(chain[0].end, part):
+            chain = list(reverse(tuple(chain)))
+        turned = not meet(chain[-1].end, part.start) and meet(chain[-1].end, part.end)
+        chain += reverse((part,)) if turned else (part,)
+    return tuple(chain)
+
+
+def _touch(point: tuple[float, float], part: Segment) -> bool:
+    return meet(point, part.start) or meet(point, part.end)
 
 
 def _bordering(border: Any) -> list[Any]:

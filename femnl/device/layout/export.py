@@ -117,7 +117,8 @@ def _frame(outline: Outline, grid: float) -> list[Array]:
         if segment.clamped:
             stops = np.linspace(0, 1, _chords(segment) + 1)
             line = shapely.LineString(_on(curves.point_at(segment, stops), grid))
-            strips.append(line.buffer(width, cap_style="flat").difference(film))
+            # Outside alone: the inner half would reach past the film along a free neighbour
+            strips.append(line.buffer(-width, single_sided=True).difference(film))
     whole = shapely.get_parts(shapely.union_all(strips))
     return [_on(shapely.get_coordinates(p.exterior)[:-1], grid) for p in whole if p.area > 0]
 

@@ -13,6 +13,7 @@ from femnl.device.geometry.booleans import Operation, Region, combine
 from femnl.device.geometry.naming import place
 from femnl.device.geometry.openings import PER_TURN, polygon
 from femnl.device.layout.drawing import Drawing, Fault, Loop, Placed
+from femnl.device.layout.following import Touch
 from femnl.device.layout.recognise import outline_of
 from femnl.device.layout.regions import Drawn, merged
 
@@ -54,11 +55,25 @@ def film_of(drawing: Drawing) -> Film:
         counts += found
         faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
     _refuse(faults)
-    film, inner, doubtful = _film(regions)
+    touch = _touch(drawing)
+    if touch is not None:
+        del regions["frame"]
+    film, inner, doubtful = _film(regions, touch)
     faults += doubtful
     posts = [region.outer for region in regions.get("posts", [])]
     metal = tuple(regions.get("metal", ()))
     return Film(film, (*inner, *posts), counts, tuple(faults), metal)
+
+
+def _touch(drawing: Drawing) -> Touch | None:
+    """Return where a frame touches the film, if it does no more; None where it is to be cut off."""
+    film = drawing.polygons.get("film", ())
+    frame = drawing.polygons.get("frame", ())
+    others = [role for role in ("film", "frame", "release") if drawing.loops.get(role)]
+    if len(film) == 0 or len(frame) == 0 or others or drawing.polygons.get("release"):
+        return None
+    touch = Touch(film, frame, drawing.grid)
+    return touch if touch.decides else None
 
 
 def _refuse_nested(role: str, placed: list[Placed]) -> None:
@@ -83,7 +98,9 @@ def _refuse(faults: list[Fault]) -> None:
         raise GeometryError(f"{fatal[0]}{more}; femnl geometry check marks them in a picture")
 
 
-def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fault]]:
+def _film(
+    regions: dict[str, list[Drawn]], touch: Touch | None
+) -> tuple[Loop, list[Placed], list[Fault]]:
     """The outer edge of what is suspended, its free inner edges, and holes that are none.
 
     Where the whole film is suspended, a hole off it or over its edge is a slip of whoever drew it.
@@ -94,7 +111,8 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed], list[Fau
     steps: list[tuple[Operation, Loop]] = []
     inner: list[Placed] = []
     for region in regions["film"]:
-        steps.append(("add", replace(region.outer, clamped=held).there))
+        outer = replace(region.outer, clamped=held).there
+        steps.append(("add", outer if touch is None else touch.marked(outer)))
         inner += [replace(placed, clamped=False) for placed in region.inner]
     if not steps:
         raise GeometryError("film encloses no area; draw it as a closed curve")

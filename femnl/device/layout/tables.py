@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femnl.core.outline import Segment
 from femnl.device.geometry import curves
+from femnl.device.geometry.quantities import LENGTH
 from femnl.device.geometry.splines import arcs_along
 from femnl.device.layout.drawing import Loop, Placed
 from femnl.device.layout.recognise import circle_of, outline_of
@@ -18,6 +19,7 @@ Keys = dict[str, Any]
 
 TOUCHES = 1e-6  # rad between a line and the arc that is its fillet
 ROUNDED = 1e-13  # m, up to which two coordinates are alike
+FEWEST = 3  # corners that a polygon is written with
 SHARPEST = np.radians(150.0)  # turn of a corner that may have one
 ELLIPSE_WITHIN = 1e-7  # of its longer half axis, how far arcs of circles may leave part of one
 
@@ -121,7 +123,8 @@ def polygon_keys(loop: Loop) -> Keys:
 
     The first point is the rightmost corner, the lower one of two.
     """
-    edges = _edges(_without_elliptical(loop))
+    loop = _without_elliptical(loop)
+    edges = _edges(_halved(loop) if len(loop) < FEWEST else loop)
     places = [(-round(e.corner[0] / ROUNDED), round(e.corner[1] / ROUNDED)) for e in edges]
     first = min(range(len(edges)), key=lambda k: places[k])
     edges = edges[first:] + edges[:first]
@@ -142,6 +145,19 @@ def polygon_keys(loop: Loop) -> Keys:
     return keys
 
 
+def _halved(loop: Loop) -> Loop:
+    """Return a loop of two arcs, or of one and a line, with a corner in the middle of each arc."""
+    found: list[Segment] = []
+    for segment in loop:
+        if segment.centre is None:
+            found.append(segment)
+            continue
+        x, y = curves.point_at(segment, 0.5)
+        middle = (float(x), float(y))
+        found += [replace(segment, end=middle), replace(segment, start=middle)]
+    return tuple(found)
+
+
 def _edges(segments: Loop) -> list[_Edge]:
     """The edges of a loop whose arcs that touch two lines are fillets."""
     fillets = {k for k in range(len(segments)) if _is_fillet(segments, k)}
@@ -160,8 +176,9 @@ def _edges(segments: Loop) -> list[_Edge]:
 
 
 def written(length: float) -> str:
-    """Return a length [m] in micrometres, to a femtometre."""
-    number = np.format_float_positional(round(length * 1e6, 9) + 0.0, trim="-")
+    """Return a length [m] in micrometres, to a femtometre; one below a picometre is rounding."""
+    known = length if abs(length) >= LENGTH.smallest else 0.0
+    number = np.format_float_positional(round(known * 1e6, 9) + 0.0, trim="-")
     return f"{number} um"
 
 

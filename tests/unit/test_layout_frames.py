@@ -1,0 +1,90 @@
+"""Frames that touch a film: which of its edges they hold, after export and import."""
+
+from pathlib import Path
+
+import gdstk
+import numpy as np
+import pytest
+
+from femnl import load
+from femnl.core.device import Model
+from femnl.core.resources import find_geometry
+from femnl.device.geometry import curves
+from femnl.device.layout import import_layout
+from femnl.device.layout.export import export_layout
+
+LIKE = load(find_geometry("square-270um"))
+CIRCLE = 'shape = { kind = "circle", diameter = "100 um" }'
+OVAL = 'shape = { kind = "ellipse", width = "120 um", height = "70 um" }'
+CUT = '[[outline.parts]]\nname = "cut"\noperation = "subtract"\n{shape}\n{more}\n'
+NOTCH = 'shape = { kind = "rectangle", width = "40 um", height = "10 um" }'
+HALF = 'shape = { kind = "square", side = "100 um" }'
+SHAPES = {
+    "half disc": (CIRCLE, HALF, 'at = ["50 um", "0 um"]', 100e-6),
+    "notched disc": (CIRCLE, NOTCH, 'at = ["50 um", "0 um"]', None),
+    "notched ellipse": (OVAL, NOTCH, 'at = ["60 um", "0 um"]', None),
+    "turned notch": (CIRCLE, NOTCH, 'at = ["40 um", "24 um"]\nangle = "31 deg"', None),
+}
+
+
+def device(path: Path, whole: str, cut: str, more: str) -> Model:
+    """Write and load a device with a part cut out, whose edges are free."""
+    parts = f"[[outline.parts]]\n{whole}\n" + CUT.format(shape=cut, more=more)
+    outline = f'[outline]\nkind = "combined"\nfree = ["cut"]\n{parts}'
+    text = find_geometry("square-270um").read_text(encoding="utf-8")
+    square = '[outline]\nkind = "square"\nside = "270 um"\n'
+    assert square in text
+    path.write_text(text.replace(square, outline), encoding="utf-8")
+    return load(path)
+
+
+def lengths(model: Model) -> tuple[float, float]:
+    """Return how much of the edge is clamped, and how much free [m]."""
+    found = {True: 0.0, False: 0.0}
+    for segment in model.outline.segments:
+        along = curves.point_at(segment, np.linspace(0, 1, 2001))
+        found[segment.clamped] += float(np.hypot(*np.diff(along, axis=0).T).sum())
+    return found[True], found[False]
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_free_edges_survive_export_and_import(tmp_path: Path, name: str) -> None:
+    whole, cut, more, free = SHAPES[name]
+    model = device(tmp_path / "a.toml", whole, cut, more)
+    export_layout(model, tmp_path / "a.gds")
+    layers = {"film": "1/0", "frame": "3/0"}
+    again = import_layout(tmp_path / "a.gds", layers, LIKE).model
+    assert lengths(again) == pytest.approx(lengths(model), rel=1e-5)
+    assert curves.area(again.outline) == pytest.approx(curves.area(model.outline), rel=1e-5)
+    if free is not None:
+        assert lengths(again)[1] == pytest.approx(free, rel=1e-6)
+
+
+def test_a_frame_drawn_by_hand_may_touch_the_film(tmp_path: Path) -> None:
+    disc = gdstk.ellipse((0, 0), 50, tolerance=1e-3, layer=1)
+    film = gdstk.boolean(disc, gdstk.rectangle((30, -5), (60, 5)), "not", layer=1)
+    block = gdstk.rectangle((-80, -80), (30, 80))
+    frame = gdstk.boolean(block, film, "not", layer=3)
+    path = tmp_path / "a.gds"
+    library = gdstk.Library()
+    library.new_cell("A").add(*film, *frame)
+    library.write_gds(path)
+    found = import_layout(path, {"film": "1/0", "frame": "3/0"}, LIKE).model
+    held = 2 * (np.pi - np.arccos(0.6)) * 50e-6  # the arc left of x = 30 µm
+    clamped, free = lengths(found)
+    assert clamped == pytest.approx(held, rel=1e-4)
+    right = 2 * (np.arccos(0.6) - np.arcsin(0.1)) * 50e-6
+    assert free == pytest.approx(
+        right + 2 * (50e-6 * np.cos(np.arcsin(0.1)) - 30e-6) + 10e-6, rel=1e-4
+    )
+
+
+def test_a_frame_that_overlaps_the_film_is_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "a.gds"
+    library = gdstk.Library()
+    film = gdstk.rectangle((-50, -50), (50, 50), layer=1)
+    library.new_cell("A").add(film, gdstk.rectangle((-80, -80), (-40, 80), layer=3))
+    library.write_gds(path)
+    found = import_layout(path, {"film": "1/0", "frame": "3/0"}, LIKE).model
+    assert curves.area(found.outline) == pytest.approx(9e-9)
+    assert lengths(found) == pytest.approx((100e-6, 280e-6))
