@@ -44,6 +44,7 @@ def command(
     import numpy as np
 
     from femnl.mechanics.bands import solve_bands
+    from femnl.mechanics.bands.words import speeds
 
     bands = solve_bands(load_device(geometry, bending), count, steps=steps, resolution=resolution)
     if as_json:
@@ -55,6 +56,7 @@ def command(
             "tension",
             "mass",
             "speed",
+            "axes",
             "gaps",
         )
         lattice = {"kind": bands.lattice.kind, "pitch": bands.lattice.pitch}
@@ -75,7 +77,7 @@ def command(
             for name, k in bands.corners[:-1]
         ]
         title = (
-            f"{geometry}: {_name(bands.lattice)}, long waves {bands.speed:.2f} m/s; f in MHz, ± "
+            f"{geometry}: {_name(bands.lattice)}, long waves {speeds(bands, 2)}; f in MHz, ± "
             "of the row relative to its highest"
         )
         console().print(table(title, ["", *(f"band {k + 1}" for k in range(count)), "±"], rows))

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from femnl.io.results.atomic import write_whole
 from femnl.mechanics.bands import Bands
+from femnl.mechanics.bands.words import speeds
 from femnl.plot.style import COLOURS, INK, new_figure, prefixed, style
 
 DPI = 200
@@ -25,14 +26,16 @@ def bands_figure(bands: Bands) -> Figure:
         for _, place in bands.corners[1:-1]:
             axes.axvline(way[place], color=INK, linewidth=0.5)
         axes.plot(way, bands.frequency / divisor, color=COLOURS[0])
-        long = bands.speed * np.linalg.norm(bands.wave, axis=1) / (2 * np.pi * divisor)
+        still = np.all(bands.wave == 0, axis=1)
+        speed = bands.speed_along(np.where(still[:, None], bands.axes[0], bands.wave))
+        long = speed * np.linalg.norm(bands.wave, axis=1) / (2 * np.pi * divisor)
         axes.plot(
             way,
             long,
             color=COLOURS[1],
             linestyle=(0, (4, 3)),
             linewidth=0.9,
-            label=f"long waves, {bands.speed:.1f} m/s",
+            label=f"long waves, {speeds(bands, 1)}",
         )
         axes.set_xlim(way[0], way[-1])
         axes.set_ylim(0, top)

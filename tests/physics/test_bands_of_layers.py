@@ -241,6 +241,23 @@ def test_dots_between_the_holes_of_a_device_are_found_with_their_lattice() -> No
     assert np.all(np.abs(bare / found[0] - 1) > 1e-3)
 
 
+def test_long_waves_along_stripes_have_another_speed_than_those_across() -> None:
+    """N_xx is the same everywhere; ε_yy = 0, so that N_yy − ν N_xx of each strip is its own."""
+    width = 4.0
+    model = device(stripes(width), STIFF)
+    across = common_tension(model, width * 1e-6)
+    pull, mass, _, _ = strips(model)
+    nu = model.film.poisson
+    parts = np.array([PITCH - width * 1e-6, width * 1e-6]) / PITCH
+    along = float(parts @ (pull + nu * (across - pull)))
+    inertia = float(parts @ mass)
+    bands = solve_bands(model, 1, np.array([[100.0, 0.0], [0.0, 100.0]]), lattice=SQUARE)
+    exact = np.sqrt(np.array([across, along]) / inertia)
+    np.testing.assert_allclose(bands.speed_along(np.eye(2)), exact, rtol=1e-6)
+    np.testing.assert_allclose(2 * np.pi * bands.frequency[:, 0] / 100, exact, rtol=1e-6)
+    np.testing.assert_allclose(bands.speed, np.sort(exact), rtol=1e-6)
+
+
 def test_cells_with_stripes_take_waves_along_both_mirrors() -> None:
     bands = solve_bands(device(stripes(4.0)), 2, steps=1, lattice=SQUARE)
     assert [name for name, _ in bands.corners] == ["Γ", "X", "M", "Y", "Γ"]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.core.arrays import freeze
@@ -35,7 +35,7 @@ class Bands:
 
     wave (n, 2) [rad/m]; frequency (n, n_bands) [Hz] and its discretisation error, an upper
     estimate; corners: names and places of the wave vectors at which a path turns, none where the
-    wave vectors were given. tension [N/m], mass [kg/m²]: of waves that are long. inside,
+    wave vectors were given. tension (2, 2) [N/m], mass [kg/m²]: of waves that are long. inside,
     inside_error (m, n_bands) [Hz]: the same as of `frequency` within the irreducible part, none
     where wave vectors were given.
     """
@@ -45,7 +45,7 @@ class Bands:
     frequency: Array
     frequency_error: Array
     corners: tuple[tuple[str, int], ...]
-    tension: float
+    tension: Array
     mass: float
     inside: Array
     inside_error: Array
@@ -53,10 +53,24 @@ class Bands:
     def __post_init__(self) -> None:
         freeze(self)
 
+    def speed_along(self, direction: ArrayLike) -> Array:
+        """Return √(e·T·e/μ) of long waves along directions (..., 2) of any length [m/s].
+
+        The relaxed tension N has no divergence, so that its mean over the cell is T exactly.
+        """
+        e = np.asarray(direction, dtype=float)
+        pull = np.einsum("...i,ij,...j->...", e, self.tension, e) / np.sum(e**2, axis=-1)
+        return np.asarray(np.sqrt(pull / self.mass))
+
     @property
-    def speed(self) -> float:
-        """√(T/μ) of waves that are long [m/s]."""
-        return float(np.sqrt(self.tension / self.mass))
+    def axes(self) -> Array:
+        """Directions (2, 2) of the slowest and of the fastest long waves, in rows."""
+        return np.asarray(np.linalg.eigh(self.tension)[1].T)
+
+    @property
+    def speed(self) -> Array:
+        """The speeds (2,) [m/s] of long waves along `axes`."""
+        return self.speed_along(self.axes)
 
     @property
     def gaps(self) -> tuple[tuple[float, float], ...]:
@@ -114,7 +128,7 @@ def solve_bands(
     inside = cell.inside if wave is None else np.empty((0, 2))
     every = np.concatenate([places, inside])
     domain = cell_domain(cell, model, resolution)
-    tension = 0.0
+    tension = np.zeros((2, 2))
     mass = 0.0
     found = []
     for degree in DEGREES:
@@ -122,9 +136,8 @@ def solve_bands(
         if degree == DEGREES[0]:
             tension, mass = _means(prestress, lattice)
         waves = periodic(domain, lattice, prestress, degree)
-        found.append(
-            np.array([_frequencies(waves, k, count, lattice, tension / mass) for k in every])
-        )
+        square = float(np.trace(tension)) / 2 / mass
+        found.append(np.array([_frequencies(waves, k, count, lattice, square) for k in every]))
     scale = np.where(found[0] > 0, found[0], 1.0)
     error = remainder(found, scale, STEADY)
     n = len(places)
@@ -144,8 +157,9 @@ def solve_bands(
 def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, square: float) -> Array:
     """Return the frequencies (count,) [Hz] of the lowest waves at one wave vector.
 
-    Args: square: c² [m²/s²] of long waves. A spring of c² times a wave number squared is added to
-    K, which is singular for a film that moves as a whole, and is taken off its eigenvalues again.
+    Args: square: c² [m²/s²] of long waves, the mean of both axes. A spring of c² times a wave
+    number squared is added to K, which is singular for a film that moves as a whole, and is taken
+    off its eigenvalues again.
     """
     lift = square * max(float(wave @ wave), (LONGEST * np.pi / lattice.pitch) ** 2)
     stiffness, mass = cell.at(wave)
@@ -157,8 +171,8 @@ def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, squa
     return np.asarray(np.sqrt(np.where(values > still, values, 0.0)) / (2 * np.pi))
 
 
-def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
-    """Return the mean tension [N/m] and mass [kg/m²] of the cell, holes counted as empty.
+def _means(prestress: Prestress, lattice: Lattice) -> tuple[Array, float]:
+    """Return the mean tension (2, 2) [N/m] and mass [kg/m²] of the cell, holes counted as empty.
 
     They are those of waves that are long.
     """
@@ -166,11 +180,11 @@ def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
     order = quadrature_order(prestress.domain.model, 2 * prestress.degree)
     space = Space(domain.mesh, prestress.degree)
     sheet = Sheet(domain)
-    tension = 0.0
+    pulls = np.zeros(3)
     mass = 0.0
     for cell, pull in zip(cells(space, order), relaxed_tension(prestress, order), strict=True):
         mass += float(np.sum(sheet.inertia(cell.triangles, cell.jet.point) * cell.dx))
-        tension += float(np.sum(pull[..., :2].mean(axis=-1) * cell.dx))
+        pulls += np.sum(pull * cell.dx[..., None], axis=(0, 1))
     corners = lattice.corners
     area = (
         float(
@@ -181,4 +195,5 @@ def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
         )
         / 2
     )
-    return tension / area, mass / area
+    xx, yy, xy = pulls / area
+    return np.array([[xx, xy], [xy, yy]]), mass / area
