@@ -162,10 +162,13 @@ class More:
                 ]
                 title = "Change of the cubic force on mode i per q_i q_j² by in-plane inertia, %"
                 console().print(table(title, ["i\\j", *(n[0] for n in names)], cross))
+        flat = ""
         if self.bowed is not None:
             self._show_bow(self.bowed, names)
+            # A bent film stretches as it moves, which may lose more
+            flat = "Of the flat film: "
         if self.quality is not None:
-            _show_quality(self.quality, names, modes.domain.model.layers)
+            _show_quality(self.quality, names, modes.domain.model.layers, flat)
         if self.dilution is not None:
             rows = [
                 [*name, f"{q:.1f}", f"{error / q:.0e}"]
@@ -173,7 +176,7 @@ class More:
             ]
             console().print(
                 table(
-                    "Dissipation dilution: Q over that of bending alone; ± is relative",
+                    f"{flat}Dissipation dilution: Q over that of bending alone; ± is relative",
                     ["mode", "label", "Q/Q_bend", "±"],
                     rows,
                 )
@@ -206,7 +209,9 @@ class More:
         )
 
 
-def _show_quality(quality: Quality, names: list[list[str]], layers: Sequence[Lamina] = ()) -> None:
+def _show_quality(
+    quality: Quality, names: list[list[str]], layers: Sequence[Lamina], flat: str
+) -> None:
     """Print Q with its parts and bounds; with layers, which part of the loss is theirs."""
     shares = quality.lost[1:].T * 100
     rows = [
@@ -224,7 +229,7 @@ def _show_quality(quality: Quality, names: list[list[str]], layers: Sequence[Lam
     mean, low, high = quality.intrinsic
     law = "Σ sᵢ/Qᵢ" if layers else "1/(Q_int D)"
     title = (
-        f"1/Q = {law} + 1/Q_gas, Q_int = {mean:.0f} ({low:.0f} … {high:.0f}), without sound "
+        f"{flat}1/Q = {law} + 1/Q_gas, Q_int = {mean:.0f} ({low:.0f} … {high:.0f}), without sound "
         "into the chip; ± of D is relative"
     )
     columns = ["mode", "label", "Q", "1 σ of β", "D", "±D", "Q_gas"]

@@ -282,7 +282,6 @@ SLOW = 1e4
 
 
 def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
-    import numpy as np
 
     model = modes.domain.model
     # Modes of a few kilohertz and less in Hz, where six decimals of MHz hold nothing
@@ -316,16 +315,17 @@ def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
     console().print(table(title, list(columns), rows))
     if nonlinearity.tensor is not None:
         n = len(modes.frequency)
+        numbers = [str(number) for number in modes.number]
         cross = [
-            [str(i + 1), *(scientific(3 * nonlinearity.tensor[i, i, j, j], 4) for j in range(n))]
-            for i in range(n)
+            [number, *(scientific(3 * nonlinearity.tensor[i, i, j, j], 4) for j in range(n))]
+            for i, number in enumerate(numbers)
         ]
         for i in range(n):
             cross[i][i + 1] = scientific(nonlinearity.tensor[i, i, i, i], 4)
         console().print(
             table(
                 "Cubic force on mode i per q_i q_j² (diagonal: q_i³), N/m³",
-                ["i\\j", *map(str, np.arange(n) + 1)],
+                ["i\\j", *numbers],
                 cross,
             )
         )

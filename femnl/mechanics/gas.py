@@ -10,6 +10,9 @@ NITROGEN = 0.0280134
 """Molar mass [kg/mol]."""
 ROOM = 295.0
 """Temperature of the gas [K]."""
+BOLTZMANN = 1.380649e-23
+DIAMETER = 0.37e-9
+"""Of a molecule of nitrogen as it hits others [m]."""
 
 
 def free_molecular_loss(film: Film, frequency: float) -> float:
@@ -35,3 +38,11 @@ def crossing_time(outline: Outline) -> float:
     perimeter = 4 * outline.length
     thermal = np.sqrt(GAS_CONSTANT * ROOM / NITROGEN)
     return float((2 / np.pi) ** 1.5 * perimeter / (8 * thermal))
+
+
+def mean_free_path(pressure: float) -> float:
+    """Return the mean free path [m] of nitrogen of room temperature at a pressure above 0 [Pa].
+
+    λ = k_B T/(√2 π d² p).
+    """
+    return float(BOLTZMANN * ROOM / (np.sqrt(2) * np.pi * DIAMETER**2 * pressure))

@@ -158,6 +158,7 @@ def close_up(model: Model) -> Box:
     farthest = marks[distance >= 0.999 * distance.max()]
     x, y = farthest[np.argmax(farthest @ [1.0, 1.001])]  # of several the one to the upper right
     left, right, bottom, top = film_box(model.edge_outline, 0.01)
+    half = min(half, (right - left) / 2, (top - bottom) / 2)
     x = float(np.clip(x, left + half, right - half))
     y = float(np.clip(y, bottom + half, top - half))
     return x - half, x + half, y - half, y + half

@@ -14,7 +14,7 @@ from femnl.core.errors import ParameterError, one_line, suggest
 from femnl.core.memory import need_memory
 from femnl.core.toml import parse_toml, read_toml
 from femnl.device.geometry import load
-from femnl.sweep.axes import Axis, Range, check_axis, locate, put, read_axis
+from femnl.sweep.axes import KIND, Axis, Range, check_axis, locate, put, read_axis
 from femnl.sweep.point import KEPT, Point, Settings, Tables
 
 MOST = 1_000_000
@@ -240,8 +240,13 @@ def _check(sweep: Sweep, spec: SpecFile, bending: bool) -> None:
 
 
 def _leaves(tables: Any, before: str = "") -> Iterator[str]:
+    """Yield the paths of values that may be varied, those in lists of tables counted from 1."""
     for key, value in tables.items():
+        several = isinstance(value, list) and any(isinstance(one, dict) for one in value)
         if isinstance(value, dict):
             yield from _leaves(value, f"{before}{key}.")
-        elif before:
+        elif several:
+            for number, one in enumerate(value, start=1):
+                yield from _leaves(one, f"{before}{key}.{number}.")
+        elif before and key != KIND:
             yield before + key

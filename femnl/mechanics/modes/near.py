@@ -70,7 +70,7 @@ def solve_modes_near(
         tuple(parity[k] for k in kept),
     )
     first = sectors.below - int(np.sum(values[kept] < sectors.target)) + 1
-    label = label_shapes(domain, sectors.operators.space, found.shapes, found.parity)
+    label = label_shapes(domain, sectors.operators.space, found.shapes, found.parity, first)
     return replace(found, label=label, first=first)
 
 

@@ -1,5 +1,6 @@
 """Quality factors: what bending loses, diluted by tension, and what gas takes."""
 
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,11 +12,14 @@ from femnl.core.discretisation_error import remainder
 from femnl.core.errors import ParameterError
 from femnl.core.modes import STEADY, Modes
 from femnl.mechanics.fem.elements import Space
-from femnl.mechanics.gas import free_molecular_loss
+from femnl.mechanics.gas import free_molecular_loss, mean_free_path
 from femnl.mechanics.modes.dilution import bending_shares, dilution, refuse_without_bending
 from femnl.mechanics.modes.operators import mass_matrix
 
 Array = NDArray[np.float64]
+
+SHORT = 0.1
+"""Mean free path over the length of the film below which gas is no longer single molecules."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ def solve_quality(modes: Modes, pressure: float = 0.0) -> Quality:
     Args: modes: with bending, of an even film. pressure: of nitrogen at room temperature on both
     sides [Pa].
     Returns: Quality. Raises: ParameterError for an uneven film, a layer without a quality factor,
-        or a pressure below 0.
+        or a pressure below 0, or one at which the mean free path is below a tenth of the film.
     Valid: an upper bound, as sound that the edge radiates into the chip is left out; gas of a mean
         free path long against the film, and no wall nearby. The film's Q_int is that of bending
         about its middle, which layers move.
@@ -67,6 +71,7 @@ def solve_quality(modes: Modes, pressure: float = 0.0) -> Quality:
     refuse_unknown_loss(model)
     if not 0 <= pressure < np.inf:
         raise ParameterError(f"pressure = {pressure:g} Pa: expected 0 or more")
+    _need_free_molecules(pressure, model.outline.length)
     factor, error = dilution(modes)
     intrinsic = model.loss.intrinsic(film.thickness)
     gas = pressure * np.array([free_molecular_loss(film, f) for f in modes.frequency])
@@ -90,6 +95,24 @@ def solve_quality(modes: Modes, pressure: float = 0.0) -> Quality:
             1 / gas,
             own / own.sum(axis=0),
         )
+
+
+def _need_free_molecules(pressure: float, length: float) -> None:
+    """Warn of a mean free path that is not long against the film, and refuse a short one."""
+    path = mean_free_path(pressure) if pressure > 0 else np.inf
+    if path > length:
+        return
+    told = (
+        f"pressure = {pressure:g} Pa: the mean free path of the gas, {path * 1e6:.3g} µm, is not "
+        f"long against the film, {length * 1e6:.4g} µm"
+    )
+    if path < SHORT * length:
+        most = mean_free_path(1.0) / length
+        raise ParameterError(
+            f"{told}, and Q_gas is that of single molecules; give a pressure below {most:.2g} Pa, "
+            "or none"
+        )
+    logging.getLogger("femnl").warning("%s, and Q_gas is that of single molecules", told)
 
 
 def refuse_unknown_loss(model: Model) -> None:

@@ -179,7 +179,7 @@ def _middle_of(space: Space) -> Array:
 
 
 def label_shapes(
-    domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]
+    domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...], first: int = 1
 ) -> tuple[str | None, ...]:
     """Name shapes by their overlap with the ideal modes of the outline's box.
 
@@ -188,24 +188,30 @@ def label_shapes(
     A shape is "(m,n)" where one of them holds three quarters of its norm, "(m,n)+(p,q)" or
     "(m,n)−(p,q)" where two share it evenly, as symmetry makes them do when they couple; otherwise,
     and where the outline has no such box, None.
+
+    Args: first: number of the first shape among all modes, which with the aspect of the box tells
+        how high orders may be.
     """
     if domain.model.outline.size is None or domain.copies > 4:
         return (None,) * len(shapes)
-    (width, height) = domain.model.outline.size
-    highest = 3 + int(np.ceil(np.sqrt(2 * len(shapes))) * 1.5)
-    orders = np.arange(1, highest + 1)
-    overlap = np.zeros((len(shapes), highest, highest))
+    size = domain.model.outline.size
+    last = first + len(shapes) - 1
+    highest = [
+        3 + min(last, int(np.ceil(1.5 * np.sqrt(2 * last * one / other))))
+        for one, other in (size, size[::-1])
+    ]
+    overlap = np.zeros((len(shapes), *highest))
     norms = np.zeros(len(shapes))
-    ideal_norms = np.zeros((highest, highest))
+    ideal_norms = np.zeros(highest)
     for _, point, dx, values in walk(space, shapes, space.degree + 2):  # a label needs no accuracy
         x, y = (point - domain.middle).reshape(-1, 2).T
         along_x, along_y = (
-            np.sin(np.pi * orders[:, None] * (z / extent + 0.5))
-            for z, extent in ((x, width), (y, height))
+            np.sin(np.pi * np.arange(1, count + 1)[:, None] * (z / extent + 0.5))
+            for z, extent, count in zip((x, y), size, highest, strict=True)
         )
         weighted = values.reshape(len(shapes), -1) * dx.ravel()
-        ideal = (along_x[:, None] * along_y).reshape(-1, len(x))
-        overlap += (weighted @ ideal.T).reshape(overlap.shape)
+        for k, weight in enumerate(weighted):
+            overlap[k] += (along_x * weight) @ along_y.T
         norms += np.sum(weighted * values.reshape(len(shapes), -1), axis=1)
         ideal_norms += (along_x**2 * dx.ravel()) @ (along_y**2).T
     return tuple(
@@ -215,13 +221,15 @@ def label_shapes(
 
 def _label(overlap: Array, norm: float, ideal: Array, parity: tuple[int, ...]) -> str | None:
     cosines = overlap / np.sqrt(norm * ideal)
-    odd = np.arange(1, len(overlap) + 1) % 2 == 1  # sin is even about the centre for odd orders
+    # sin is even about the centre for odd orders
+    odd_x, odd_y = (np.arange(1, count + 1) % 2 == 1 for count in overlap.shape)
     if len(parity) > 0:
-        cosines[:, odd != (parity[0] > 0)] = 0
+        cosines[:, odd_y != (parity[0] > 0)] = 0
     if len(parity) > 1:
-        cosines[odd != (parity[1] > 0), :] = 0
+        cosines[odd_x != (parity[1] > 0), :] = 0
     first, second = np.argsort(-np.abs(cosines), axis=None)[:2]
-    names = [f"({k // len(overlap) + 1},{k % len(overlap) + 1})" for k in (first, second)]
+    orders = np.stack(np.unravel_index([first, second], overlap.shape), axis=1) + 1
+    names = [f"({m},{n})" for m, n in orders]
     a = cosines.flat[first]
     b = cosines.flat[second]
     if a**2 > 0.75:
