@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femnl.cli._fixed import Texts, in_si
@@ -65,7 +66,11 @@ def summary(records: Sequence[Mapping[str, Any]]) -> Group:
     """Return a table with a row for each decay, from the records of files."""
     rows = []
     for file in records:
-        rows += [_row(name, fit) for name, fit in file["fits"].items() if "phases" in fit]
+        stem = Path(file["file"]).stem
+        for name, fit in file["fits"].items():
+            if "phases" in fit:
+                own = name if len(records) == 1 else f"{stem}, {name}"
+                rows.append(_row(own, fit))
     columns = ["decay", "f (Hz)", "Q", "± Q", "γ (1/s)", "± γ", "from … to (s)"]
     return table("1 decay" if len(rows) == 1 else f"{len(rows)} decays", columns, rows)
 

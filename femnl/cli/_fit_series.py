@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from math import floor, log10
 from typing import TYPE_CHECKING
 
 from femnl.cli._fixed import Texts, in_si
@@ -13,6 +14,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from femnl.core.choices import Law
+
+
+LEAST_DIGITS = 6
+MOST_DIGITS = 15
+
+
+def _digits(low: float, high: float) -> int:
+    """Return how many digits tell the ends of an interval apart, by two at least."""
+    width = (high - low) / max(abs(low), abs(high))
+    return (
+        max(LEAST_DIGITS, min(MOST_DIGITS, 2 - floor(log10(width)))) if width > 0 else LEAST_DIGITS
+    )
 
 
 def law(
@@ -27,8 +40,9 @@ def law(
     for found in fit_series(dataset, form, control, in_si(fixed, units.get)):
         own = f"{name}, {found.quantity.replace('_', ' ')}"
         ends = [
-            f"  95 %: {key} from {scientific(low, 6)} to {scientific(high, 6)}"
+            f"  95 %: {key} from {scientific(low, digits)} to {scientific(high, digits)}"
             for key, (low, high) in found.interval.items()
+            for digits in [_digits(low, high)]
         ]
         outcomes[own] = Outcome(
             record(found.fit)

@@ -123,7 +123,7 @@ Harmonics = Annotated[
     int | None,
     typer.Option(
         "--harmonics",
-        help="Of a trace: highest harmonic; unless given, as many as it shows, up to 21.",
+        help="Of a trace: highest harmonic; unless given, all that it can tell apart, up to 21.",
         min=1,
         max=200,
     ),

@@ -109,9 +109,8 @@ def strongest_correlation(found: Array, names: Sequence[str]) -> str:
     if known.size < 2:
         return ""
     sd = np.sqrt(np.diag(found)[known])
-    correlation = found[np.ix_(known, known)] / np.outer(sd, sd) - np.eye(known.size)
-    i, j = np.unravel_index(np.argmax(np.abs(correlation)), correlation.shape)
-    return (
-        f"the most correlated pair is {names[known[i]]} and {names[known[j]]}, "
-        f"{correlation[i, j]:+.3f}"
-    )
+    rows, columns = np.triu_indices(known.size, k=1)
+    correlation = (found[np.ix_(known, known)] / np.outer(sd, sd))[rows, columns]
+    most = int(np.argmax(np.abs(correlation)))
+    i, j = known[rows[most]], known[columns[most]]
+    return f"the most correlated pair is {names[i]} and {names[j]}, {correlation[most]:+.3f}"

@@ -1,5 +1,6 @@
 """Driven responses: magnitude and phase against frequency, sweep by sweep."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -50,7 +51,7 @@ def response_figure(
     are dashed. With a fit the data are points and the lines are its.
     Args: dataset of kind `response`; fitted (sweep, point) complex [V]; use: what was fitted, which
     is all that is drawn of the fit.
-    Returns: the Figure, magnitude above phase, and with a fit what it leaves.
+    Returns: the Figure, magnitude above phase where that is known, and with a fit what it leaves.
     """
     frequency = dataset["frequency"].values
     volts = amplitude(dataset).values
@@ -61,12 +62,16 @@ def response_figure(
     scale, volt_unit = prefixed(np.abs(volts), "V")
     noise = _noise(dataset) if np.count_nonzero(np.isfinite(volts)) > _FEW else 0.0
     names, key, numbers = _key(dataset)
+    phases = "magnitude" not in dataset
     half = 90 if use == "phase-mod-pi" else 180
     with style():
-        result = new_figure(height=4.4 if fitted is None else 5.6)
-        ratios = (1.6, 1) if fitted is None else (1.6, 1, 0.9)
-        panels = result.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
-        magnitude, phase = panels[:2]
+        ratios = [1.6, *([1.0] if phases else []), *([] if fitted is None else [0.9])]
+        result = new_figure(height=2.0 + 1.2 * len(ratios))
+        panels = result.subplots(
+            len(ratios), 1, sharex=True, squeeze=False, height_ratios=ratios
+        ).ravel()
+        magnitude = panels[0]
+        phase = panels[1] if phases else None
         norm = _norm(numbers)
         order = {number: rank for rank, number in enumerate(np.unique(numbers))}
         down = (
@@ -91,7 +96,8 @@ def response_figure(
             )
             if fitted is None:
                 magnitude.plot(x, np.abs(volts[index]) / scale, **dashes)
-                _plot_phase(phase, x, seen, dashes, half)
+                if phase is not None:
+                    _plot_phase(phase, x, seen, dashes, half)
                 continue
             points = {
                 "color": colour,
@@ -102,13 +108,14 @@ def response_figure(
                 "markeredgewidth": 0.0,
             }
             magnitude.plot(x, np.abs(volts[index]) / scale, **points)
-            phase.plot(x, seen, **points)
+            if phase is not None:
+                phase.plot(x, seen, **points)
             model = fitted.values[index]
             left = _residual(volts[index], model, use) / (noise or scale)
-            panels[2].plot(x, left, **{**points, "alpha": 0.7})
+            panels[-1].plot(x, left, **{**points, "alpha": 0.7})
             if use in ("complex", "magnitude"):
                 magnitude.plot(x, np.abs(model) / scale, **dashes)
-            if use != "magnitude":
+            if phase is not None and use != "magnitude":
                 _plot_phase(phase, x, _degrees(model, use), dashes, half)
         top = np.nanmax(np.abs(volts))
         if top > _DYNAMIC * np.nanmedian(np.abs(volts)):
@@ -118,15 +125,16 @@ def response_figure(
         else:
             magnitude.set_ylim(bottom=0)
         magnitude.set_ylabel(axis_label("magnitude |V|", volt_unit))
-        phase.set_ylabel("phase modulo π (°)" if half == 90 else "phase (°)")
-        phase.set_yticks([-half, -half / 2, 0, half / 2, half])
-        phase.set_ylim(-1.05 * half, 1.05 * half)
-        phase.grid(axis="y", color="#dddddd", linewidth=0.6)
+        if phase is not None:
+            phase.set_ylabel("phase modulo π (°)" if half == 90 else "phase (°)")
+            phase.set_yticks([-half, -half / 2, 0, half / 2, half])
+            phase.set_ylim(-1.05 * half, 1.05 * half)
+            phase.grid(axis="y", color="#dddddd", linewidth=0.6)
         centre, centre_unit = prefixed(middle, "Hz")
         if fitted is not None:
-            _scale_residuals(panels[2])
-            panels[2].axhline(0, color=INK, linewidth=0.6)
-            panels[2].set_ylabel("residual (σ)" if noise else axis_label("residual", volt_unit))
+            _scale_residuals(panels[-1])
+            panels[-1].axhline(0, color=INK, linewidth=0.6)
+            panels[-1].set_ylabel("residual (σ)" if noise else axis_label("residual", volt_unit))
         panels[-1].set_xlabel(
             axis_label(
                 f"drive frequency − {middle / centre:.9g} {centre_unit}"
@@ -136,7 +144,7 @@ def response_figure(
             )
         )
         panel_letters(list(panels))
-        _explain(result, (magnitude, phase), names, key, norm, down)
+        _explain(result, list(panels[: 1 + phases]), names, key, norm, down)
         if fitted is not None:
             magnitude.set_title("points: measured   lines: fitted", loc="right", fontsize=7.5)
     return result
@@ -221,7 +229,7 @@ def _norm(numbers: NDArray[np.float64]) -> Normalize | None:
 
 def _explain(
     result: Figure,
-    panels: tuple[Axes, Axes],
+    panels: Sequence[Axes],
     names: list[str],
     key: str,
     norm: Normalize | None,

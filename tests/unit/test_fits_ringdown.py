@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit
@@ -163,3 +164,57 @@ def test_a_phase_that_ends_at_zero_is_known() -> None:
     assert abs(phase.value) < 1e-3 * phase.sd
     assert np.isfinite(phase.sd)
     assert not any("do not determine" in note for note in fit.notes)
+
+
+def slow(q: float, interval: float, count: int, drawn: np.random.Generator) -> tuple[Any, Any]:
+    """Return times and a linear decay of 20 kHz, with noise of 1 mV."""
+    t = np.arange(count) * interval
+    v = 0.2 * np.exp(-np.pi * 20e3 / q * t) * np.cos(2 * np.pi * 20e3 * t + 0.4)
+    return t, v + 1e-3 * drawn.standard_normal(count)
+
+
+def test_a_record_from_before_the_switch_off_is_no_ring_down() -> None:
+    rng = np.random.default_rng(4)
+    _, v = slow(2000, 1e-5, 20_000, rng)
+    driven = 0.2 * np.cos(2 * np.pi * 20e3 * 1e-5 * np.arange(-5000, 0) + 0.4)
+    v = np.concatenate([driven + 1e-3 * rng.standard_normal(5000), v])
+    fit = fit_ringdown(1e-5 * np.arange(len(v)), v)
+    assert not np.isfinite(fit.parameters["quality_factor"].sd)
+    assert fit.chi2_reduced > 2
+    told = " ".join(fit.notes)
+    assert "the model misses the data: what is left within" in told
+    assert "the amplitude hardly falls at first; the record may begin before the drive" in told
+    assert "far from the mode is taken for noise, 0.00" in told
+
+
+def test_two_modes_in_one_record_are_no_ring_down() -> None:
+    rng = np.random.default_rng(5)
+    t, v = slow(2000, 1e-5, 20_000, rng)
+    v += 0.1 * np.exp(-np.pi * 20e3 / 2000 * t) * np.cos(2 * np.pi * 20_150 * t)
+    fit = fit_ringdown(t, v, nonlinear=False)
+    assert any("the model misses the data" in note for note in fit.notes)
+    q = fit.parameters["quality_factor"]
+    assert abs(q.value - 2000) < q.sd < 500
+
+
+def test_noise_is_not_told_as_a_misfit() -> None:
+    """Of 60 decays in white noise, and of 20 whose noise a lock-in filtered, none is."""
+    rng = np.random.default_rng(6)
+    for k in range(80):
+        t, v = slow(2000, 1e-5, 20_000, rng)
+        if k < 60:
+            fit = fit_ringdown(t, v)
+        else:
+            turned = 2 * v * np.exp(-2j * np.pi * 20e3 * t)
+            low = lfilter([0.2], [1, -0.8], lfilter([0.2], [1, -0.8], turned))[200::8]
+            fit = fit_ringdown(t[200::8], low, "complex", frequency=20e3)
+        assert not any("misses" in note for note in fit.notes)
+
+
+def test_a_decay_of_few_periods_names_its_own_line() -> None:
+    t = 1e-7 * np.arange(4000)
+    v = np.exp(-np.pi * 1e5 / 3 * t) * np.cos(2 * np.pi * 1e5 * t)
+    with pytest.raises(
+        MeasurementError, match=r"64 periods of (9|10)\d{4}\.?\d* Hz, the strongest"
+    ):
+        fit_ringdown(t, v)

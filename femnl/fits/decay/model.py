@@ -15,6 +15,7 @@ Signal = Literal["voltage", "complex", "magnitude"]
 STEP = 1e-30
 # Below this ln(1 + x)/x is taken from its series, which is then exact to 1e-16.
 SMALL = 1e-4
+LEAST = -1 + 1e-9
 BLOCKS = 400
 PERIODS = 8
 # Points this many times the typical noise are strong enough to follow their phase.
@@ -60,10 +61,11 @@ class Decay:
         gamma = p["decay_rate"]
         d = p.get("damping_ratio", 0.0)
         s = -np.expm1(-gamma * self.time)
-        size = p["amplitude"] * np.exp(-gamma * self.time / 2) / np.sqrt(1 + d * s)
+        grown = _above_minus_one(d * s)
+        size = p["amplitude"] * np.exp(-gamma * self.time / 2) / np.sqrt(1 + grown)
         if self.kind == "magnitude":
             return size, np.zeros_like(size)
-        pulled = p.get("pull", 0.0) / gamma * s * _log_ratio(d * s)
+        pulled = p.get("pull", 0.0) / gamma * s * _log_ratio(grown)
         return size, p["phase"] + 2 * np.pi * (p["frequency"] * self.time + pulled)
 
     def model(self, values: Numbers) -> Numbers:
@@ -167,8 +169,8 @@ def blocks(time: Array, voltage: NDArray[np.inexact], reference: float) -> tuple
     count = len(time) // length
     if count < 8:
         raise MeasurementError(
-            f"signal: {len(time)} samples hold fewer than {8 * PERIODS} periods of "
-            f"{reference:.6g} Hz; record longer"
+            f"signal: {len(time)} samples hold fewer than {8 * PERIODS} periods of {reference:.6g} "
+            "Hz, the strongest line; record longer, and filter out what is slower than the mode"
         )
     window = np.hanning(length + 2)[1:-1] / np.sum(np.hanning(length + 2))
     turned = (voltage - np.mean(voltage)) * np.exp(-2j * np.pi * reference * time)
@@ -186,7 +188,9 @@ def strongest(time: Array, voltage: Array) -> float:
             "time: samples of a voltage must be evenly spaced; resample, or give the complex "
             "amplitude"
         )
-    power = np.abs(np.fft.rfft((voltage - np.mean(voltage)) * np.hanning(len(voltage)))) ** 2
+    # A decay is strongest at its start, which a window must not hide
+    taper = np.cos(np.linspace(0, np.pi / 2, len(voltage))) ** 2
+    power = np.abs(np.fft.rfft((voltage - np.mean(voltage)) * taper)) ** 2
     k = int(np.clip(np.argmax(power), 1, len(power) - 2))
     left, top, right = np.log(power[k - 1 : k + 2] + np.finfo(float).tiny)
     return float(
@@ -213,6 +217,11 @@ def _scan(time: Array, power: Array, nonlinear: bool) -> tuple[float, float, flo
             "signal: nothing decays; give the record from the moment the drive is switched off"
         )
     return best[1:]
+
+
+def _above_minus_one(x: Numbers) -> Numbers:
+    """Return d·s, kept above −1, where a search that goes beyond finds no amplitude."""
+    return np.where(x.real > LEAST, x, LEAST)
 
 
 def _log_ratio(x: Numbers) -> Numbers:

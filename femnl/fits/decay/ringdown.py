@@ -13,6 +13,7 @@ from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.covariance import derived, natural_units
 from femnl.fits.decay.model import Array, Decay, Numbers, Signal, strongest
+from femnl.fits.decay.whiteness import Left, left_of
 from femnl.fits.held import Held, hold_fixed
 
 UNITS = {
@@ -28,6 +29,8 @@ UNITS = {
 CLOSE = 1e-10
 # The weights of squared magnitudes depend on the decay: so often they are set anew.
 ROUNDS = 5
+SUSTAINED = -0.5
+"""Damping ratio below which a power falls at less than half of its last rate at first."""
 FEWEST = 16
 """Samples below which nothing is fitted."""
 
@@ -102,19 +105,45 @@ def fit_ringdown(
     slopes = decay.jacobian(values) / spread[:, None]
     found, blind = held.covariance(slopes, natural_units(slopes, decay.data / spread))
     notes = [f"{np.count_nonzero(~good)} missing samples left out"] if not good.all() else []
-    notes += (
-        []
-        if noise_sd
-        else [
-            f"noise_sd is not given: what is left of the signal is taken for noise, {noise:.3g} V"
-        ]
-    )
+    left = _left(decay, rest, values)
+    if left.misses:
+        notes.append(left.note)
+        found = found * left.factor**2
+    known = 1.0 if noise_sd or not left.misses else left.floor
+    if not noise_sd:
+        notes.append(
+            "noise_sd is not given: what is left of the signal "
+            + ("far from the mode " if left.misses else "")
+            + f"is taken for noise, {noise * np.sqrt(known):.3g} V"
+        )
+    notes += _sustained(dict(zip(decay.names, values, strict=True)))
     parameters = held.ordered(_parameters(decay, values, found, frequency, responsivity))
     n_free = int(np.count_nonzero(held.free))
-    chi2 = float(rest @ rest) / (len(rest) - n_free)
+    chi2 = float(rest @ rest) / known / (len(rest) - n_free)
     return Fit(
         parameters, held.inner(found), chi2, len(rest), n_free, (*held.notes, *notes, *blind)
     )
+
+
+def _left(decay: Decay, rest: NDArray[np.inexact], values: Array) -> Left:
+    """Return what a fit leaves near the mode and beside it."""
+    shown = dict(zip(decay.names, values, strict=True))
+    frequency = shown.get("frequency", 0.0) + (decay.reference if decay.kind == "voltage" else 0.0)
+    real, imag = np.split(rest, 2) if decay.kind == "complex" else (rest, None)
+    left = real if imag is None else real + 1j * imag
+    interval = float(np.median(np.diff(decay.time)))
+    return left_of(left, interval, frequency, shown["decay_rate"] / (2 * np.pi))
+
+
+def _sustained(shown: Mapping[str, float]) -> list[str]:
+    """Say where the amplitude hardly falls at first, as no free decay does."""
+    ratio = shown.get("damping_ratio", 0.0)
+    if ratio > SUSTAINED:
+        return []
+    return [
+        f"damping_ratio = {ratio:.3g}: the amplitude hardly falls at first; the record may begin "
+        "before the drive is switched off, or hold a steady tone"
+    ]
 
 
 def _held(decay: Decay, fixed: Mapping[str, float] | None) -> Held:

@@ -114,9 +114,11 @@ def _values(variable: xr.Variable, item: Item, where: str, notes: list[str]) -> 
         )
         numbers = np.where(infinite, np.nan, numbers)
     if item.positive and np.any(numbers <= 0):
+        detuned = item.unit == "Hz" and np.any(numbers < 0)
+        remedy = "add the frequency that detunings count from" if detuned else "mark missing points"
         raise MeasurementError(
-            f"{where}: value {numbers[numbers <= 0].flat[0]:g} is not positive; mark missing "
-            "points by NaN"
+            f"{where}: value {numbers[numbers <= 0].flat[0]:g} is not positive; {remedy}"
+            f"{'' if detuned else ' by NaN'}"
         )
     return _of_a_size(numbers, item, where, notes)
 

@@ -24,7 +24,7 @@ KIND = KindSpec(
             "pressure": Item(unit="Pa", positive=True),
             "temperature": Item(unit="K", positive=True),
         },
-        needs=(("power", "magnitude", "real"),),
+        needs=(("power", "magnitude", "real"), ("power", "magnitude", "imag")),
     ),
     size=Size(
         data="points",

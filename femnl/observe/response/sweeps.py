@@ -189,6 +189,11 @@ def _rising(sweep: int, frequency: Array, voltage: Complex) -> Index:
             f"sweep {sweep}: {len(good)} usable points; a fit needs at least {FEWEST_POINTS}, "
             "leave the sweep out"
         )
+    if np.any(frequency[good] <= 0):
+        raise MeasurementError(
+            f"sweep {sweep}: a frequency of {frequency[good].min():g} Hz is not positive; of "
+            "detunings, add the frequency that they count from"
+        )
     if not np.any(voltage[good] != voltage[good[0]]) or not np.ptp(frequency[good]):
         raise MeasurementError(
             f"sweep {sweep}: one value at all its {len(good)} points, so no response to fit; "
