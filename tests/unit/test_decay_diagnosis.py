@@ -182,3 +182,19 @@ def test_real_beats_of_a_sixth_of_a_decibel_are_a_pair(
     (path,) = REAL.glob(f"measID_{number}_*.txt")
     import_file(path, tmp_path / "a.nc")
     assert diagnose(tmp_path / "a.nc").causes == (cause,)
+
+
+def test_a_phase_that_is_off_is_told_as_a_phase(tmp_path: Path) -> None:
+    """The frequency follows the amplitude, the power falls as that of one mode."""
+    rng = np.random.default_rng(31)
+    time = np.linspace(0, 1, 800)
+    decay = np.exp(-6 * time)
+    volts = decay * np.exp(1j * (0.4 + 8 * (1 - decay**2)))
+    volts = volts + 1e-4 * (rng.standard_normal((800, 2)) @ [1, 1j])
+    group = measurement.decay(
+        time, real=volts.real, imag=volts.imag, attributes={"frequency": TONE}
+    )
+    measurement.write(measurement.bundle({"decay": group}), tmp_path / "a.nc")
+    found = diagnose(tmp_path / "a.nc", effects=[])
+    assert "the phase is off by up to" in found.where
+    assert "rad, and the residuals" in found.where

@@ -248,18 +248,25 @@ class DecayModel(MeasurementModel):
         return tuple(found)
 
     def describe(self, residuals: Array) -> str:
-        """Say in which stretch the data deviate most, and by how much the power does."""
+        """Say in which stretch the data deviate most, and by how much the power or the phase do."""
         stretch = self._stretches
         rms = [float(np.sqrt(np.mean(residuals[stretch == k] ** 2))) for k in np.unique(stretch)]
         worst = int(np.argmax(rms))
-        away = self.deviations(residuals)[: len(self.log_power)] * self.of_power.sd * DB
         inside = np.flatnonzero(stretch[: len(self.log_power)] == worst)
         times = self.origin + self.blocks_of_power.time[inside[[0, -1]]]
         return (
-            f"the decay is not that of one mode: the power is off by up to "
-            f"{np.abs(away).max():.2g} dB, and the residuals are largest between {times[0]:.4g} "
-            f"and {times[1]:.4g} s ({max(rms):.3g}σ rms against {min(rms):.3g}σ)"
+            f"the decay is not that of one mode: {self._off(residuals)}, and the residuals are "
+            f"largest between {times[0]:.4g} and {times[1]:.4g} s ({max(rms):.3g}σ rms against "
+            f"{min(rms):.3g}σ)"
         )
+
+    def _off(self, residuals: Array) -> str:
+        """Say by how much the power is off, or the phase where that is farther from its noise."""
+        away = self.deviations(residuals)
+        power, phase = np.split(away, [len(self.log_power)])
+        if phase.size and np.mean(phase**2) > np.mean(power**2):
+            return f"the phase is off by up to {np.abs(phase * self.of_phase.sd).max():.2g} rad"
+        return f"the power is off by up to {np.abs(power * self.of_power.sd * DB).max():.2g} dB"
 
 
 def decayed(mode: Dissipation, time: Array) -> tuple[Array, Array]:
