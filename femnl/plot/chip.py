@@ -19,6 +19,11 @@ from femnl.plot.style import (
     style,
 )
 
+FARTHEST = 4.0
+"""How much farther than all others devices that deviate are drawn at most."""
+MARGIN = 0.12
+LEAST_SIDE = 0.4
+"""Of the longer side of a map, what the shorter one has at least."""
 MAPS = 60
 """Devices up to which their names stand in a map."""
 
@@ -94,7 +99,12 @@ def _map(
                 fontsize=5,
                 color=INK if pale else "white",
             )
-    axes.margins(0.12)
+    # Devices in a row would leave a panel of no height
+    middle = (place.max(axis=0) + place.min(axis=0)) / 2
+    half = np.ptp(place, axis=0) / 2
+    half = (1 + 2 * MARGIN) * np.maximum(half, LEAST_SIDE * half.max() or 1.0)
+    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
     axes.set_aspect("equal")
     axes.invert_yaxis()
     axes.set_xlabel(axis_label("x", shown))
@@ -122,8 +132,12 @@ def _compare(axes: Axes, quantity: Quantity) -> None:
         if d.odd:
             axes.annotate(as_written(d.device), (i, 100 * d.log_ratio), fontsize=6, color=INK)
     axes.axhline(0, color="#999999", linewidth=0.7)
-    inner = [100 * (abs(d.log_ratio) + d.sd) for d in ordered if not d.odd]
-    axes.set_ylim(*(np.array([-1.4, 1.4]) * max(inner, default=1.0)))
+    inner, outer = (
+        max((100 * (abs(d.log_ratio) + d.sd) for d in ordered if d.odd == odd), default=0.0)
+        for odd in (False, True)
+    )
+    reach = max(inner, min(outer, FARTHEST * inner)) or 1.0
+    axes.set_ylim(-1.4 * reach, 1.4 * reach)
     axes.set_xlabel("device, by design")
     axes.set_ylabel("deviation (%)")
     axes.set_title("each left out, against its chip", fontsize=8)
