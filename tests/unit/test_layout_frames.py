@@ -88,3 +88,15 @@ def test_a_frame_that_overlaps_the_film_is_cut_off(tmp_path: Path) -> None:
     found = import_layout(path, {"film": "1/0", "frame": "3/0"}, LIKE).model
     assert curves.area(found.outline) == pytest.approx(9e-9)
     assert lengths(found) == pytest.approx((100e-6, 280e-6))
+
+
+def test_a_frame_all_around_holds_the_whole_edge(tmp_path: Path) -> None:
+    film = gdstk.Polygon([(-50, -40), (50, -50), (60, 40), (0, 20), (-50, 50)], layer=1)
+    frame = gdstk.boolean(gdstk.rectangle((-80, -80), (80, 80)), film, "not", layer=3)
+    path = tmp_path / "a.gds"
+    library = gdstk.Library()
+    library.new_cell("A").add(film, *frame)
+    library.write_gds(path)
+    found = import_layout(path, {"film": "1/0", "frame": "3/0"}, LIKE).model
+    assert len(found.outline.segments) == 5
+    assert lengths(found)[1] == 0

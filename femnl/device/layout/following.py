@@ -49,7 +49,7 @@ class Touch:
 
     def _holds(self, piece: Segment) -> bool:
         middle = shapely.Point(curves.point_at(piece, 0.5))
-        return bool(self.held.distance(middle) <= self.free.distance(middle))
+        return self.free.is_empty or bool(self.held.distance(middle) <= self.free.distance(middle))
 
 
 def _union(polygons: Sequence[Array], grid: float) -> shapely.Geometry:
