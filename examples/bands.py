@@ -28,7 +28,10 @@ with style():
         way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(bands.wave, axis=0), axis=1))])
         axes.plot(way, bands.frequency / 1e6, color="C0")
         axes.plot(
-            way, bands.speed * np.linalg.norm(bands.wave, axis=1) / (2e6 * np.pi), "--", color="C1"
+            way,
+            bands.speed[0] * np.linalg.norm(bands.wave, axis=1) / (2e6 * np.pi),
+            "--",
+            color="C1",
         )
         for low, high in bands.gaps:
             axes.axhspan(low / 1e6, high / 1e6, color="#E9E4D6")
@@ -38,6 +41,6 @@ with style():
         axes.set(
             xlim=(0, way[-1]),
             ylim=(0, 100),
-            title=f"radius {radius * 1e6:g} µm, long waves {bands.speed:.0f} m/s",
+            title=f"radius {radius * 1e6:g} µm, long waves {bands.speed[0]:.0f} m/s",
         )
     panels[0].set_ylabel("f (MHz)")

@@ -100,9 +100,10 @@ class Hierarchy:
 
         1 for few devices, which leave nothing beside a bowl by chance.
         """
-        if len(self.fields) == 1 or len(self.devices) < ENOUGH:
-            return 1.0
         v = self.values
+        free = TERMS + len(v.groups)
+        if len(self.fields) == 1 or min(len(self.devices), len(v.y) - free) < max(ENOUGH, free):
+            return 1.0
         own = (v.group[:, None] == v.groups).astype(float)
         columns = np.hstack([own, self.terms(v.place)])
         off = v.y - self.reference(v)

@@ -22,10 +22,10 @@ MOST_DIGITS = 15
 
 def _digits(low: float, high: float) -> int:
     """Return how many digits tell the ends of an interval apart, by two at least."""
+    if not high > low:
+        return LEAST_DIGITS
     width = (high - low) / max(abs(low), abs(high))
-    return (
-        max(LEAST_DIGITS, min(MOST_DIGITS, 2 - floor(log10(width)))) if width > 0 else LEAST_DIGITS
-    )
+    return max(LEAST_DIGITS, min(MOST_DIGITS, 2 - floor(log10(width))))
 
 
 def law(

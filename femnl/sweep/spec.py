@@ -242,7 +242,7 @@ def _check(sweep: Sweep, spec: SpecFile, bending: bool) -> None:
 def _leaves(tables: Any, before: str = "") -> Iterator[str]:
     """Yield the paths of values that may be varied, those in lists of tables counted from 1."""
     for key, value in tables.items():
-        several = isinstance(value, list) and any(isinstance(one, dict) for one in value)
+        several = isinstance(value, list) and all(isinstance(one, dict) for one in value)
         if isinstance(value, dict):
             yield from _leaves(value, f"{before}{key}.")
         elif several:

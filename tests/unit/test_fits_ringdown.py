@@ -218,3 +218,20 @@ def test_a_decay_of_few_periods_names_its_own_line() -> None:
         MeasurementError, match=r"64 periods of (9|10)\d{4}\.?\d* Hz, the strongest"
     ):
         fit_ringdown(t, v)
+
+
+def test_what_is_far_below_the_stated_noise_is_no_misfit() -> None:
+    t, v = slow(2000, 1e-5, 20_000, np.random.default_rng(9))
+    v = v + 2e-3 * np.exp(-np.pi * 20e3 / 2000 * t) * np.cos(2 * np.pi * 20_150 * t)
+    assert any("misses" in note for note in fit_ringdown(t, v).notes)
+    fit = fit_ringdown(t, v, noise_sd=0.1)
+    assert not any("misses" in note for note in fit.notes)
+    assert fit.parameters["quality_factor"].sd > 20
+
+
+def test_stamps_that_repeat_and_numbers_without_noise_are_fitted() -> None:
+    t = np.repeat(np.arange(60) / 10, 3)
+    v = np.exp(-0.5 * t) * np.exp(0.3j)
+    fit = fit_ringdown(t, v, "complex", frequency=1e3)
+    assert fit["decay_rate"] == pytest.approx(1.0, rel=1e-6)
+    assert not any("misses" in note for note in fit.notes)

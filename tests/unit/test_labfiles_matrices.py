@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -40,12 +41,53 @@ def test_a_sweep_may_be_a_row_or_a_column(tmp_path: Path, turned: bool) -> None:
 def test_frequencies_of_a_square_matrix_tell_which_way_it_lies(
     tmp_path: Path, turned: bool
 ) -> None:
-    f = F + 0.01 * np.arange(21.0)[:, None]
+    f = F + 0.01 * np.arange(21.0)[:, None] ** 2
     drive = np.arange(1.0, 22.0)
     found = imported(tmp_path, f=f.T if turned else f, Z=SQUARE.T if turned else SQUARE, U=drive)
     np.testing.assert_allclose(found["real"] + 1j * found["imag"], SQUARE)
     np.testing.assert_allclose(found.frequency, f)
     np.testing.assert_allclose(found.drive, drive)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("apart", [0.01, 40.0])
+def test_sweeps_may_follow_a_mode_farther_than_they_are_wide(
+    tmp_path: Path, turned: bool, apart: float
+) -> None:
+    f = F + apart * np.arange(12.0)[:, None]
+    volts = np.arange(1.0, 13.0)[:, None] * VOLTS[0]
+    found = imported(
+        tmp_path,
+        f=f.T if turned else f,
+        Z=volts.T if turned else volts,
+        U=np.arange(1.0, 13.0),
+    )
+    np.testing.assert_allclose(found.frequency, f)
+    np.testing.assert_allclose(found["real"] + 1j * found["imag"], volts)
+    few = imported(tmp_path, f=f[:3].T, Z=volts[:3].T)
+    np.testing.assert_allclose(few.frequency, f[:3])
+    with pytest.raises(MeasurementError, match="run along its rows as well as along its columns"):
+        imported(tmp_path, f=f, Z=volts)
+
+
+def test_a_drive_that_is_not_known_leaves_a_sweep_whole(tmp_path: Path) -> None:
+    drive = DRIVE.copy()
+    drive[1] = np.nan
+    found = imported(tmp_path, f=F, Z=VOLTS, U=drive)
+    assert found.sizes["sweep"] == 3
+    np.testing.assert_allclose(found.drive, drive)
+
+
+def test_axes_of_length_one_are_idle(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file["f"] = F[:, None]
+        file["Z"] = VOLTS[:, :, None]
+        file["U"] = DRIVE[:, None]
+    path = tmp_path / "run.h5"
+    spec = Spec(kind="response", columns=dict(COLUMNS))
+    found = import_file(path, path.with_suffix(".nc"), spec)["measurement"].to_dataset()
+    np.testing.assert_allclose(found["real"] + 1j * found["imag"], VOLTS)
+    np.testing.assert_allclose(found.drive, DRIVE)
 
 
 def test_a_square_matrix_that_does_not_tell_is_refused(tmp_path: Path) -> None:

@@ -81,8 +81,25 @@ def test_columns_side_by_side_have_the_unit_of_their_headings(head: str, tmp_pat
     assert data["direction"].values.tolist() == [-1, -1]
     assert "columns.magnitude: in " in told
     spec = spec.replace(names[1], "Z (V)")
-    with pytest.raises(MeasurementError, match="and 'V' of another of its columns; save them"):
+    with pytest.raises(MeasurementError, match=r"and 'V' of 'Z \(V\)'; save them in one unit"):
         imported(tmp_path, f"f,{names[0]},Z (V)\n" + rows, spec)
+
+
+@pytest.mark.parametrize("heads", [("X (1)", "X (2)"), ("X (up)", "X (down)")])
+def test_words_in_brackets_may_tell_columns_apart(heads: tuple[str, str], tmp_path: Path) -> None:
+    column = f"{{ column = {list(heads)} }}"
+    spec = f'kind = "response"\n[columns]\nfrequency = "f"\nmagnitude = {column}\n'
+    text = f"f,{','.join(heads)}\n" + "".join(f"{f},1,2\n" for f in HZ)
+    data, _ = imported(tmp_path, text, spec)
+    assert data["magnitude"].values[:, 0].tolist() == [1, 2]
+
+
+def test_a_power_that_is_a_control_variable_stays_in_watts(tmp_path: Path) -> None:
+    spec = 'kind = "series"\n[columns]\nquality_factor = "Q"\n'
+    spec += 'power = { column = "P (mW)", unit = "mW" }\n'
+    data, _ = imported(tmp_path, "P (mW),Q\n0,1e5\n1,9e4\n10,7e4\n", spec)
+    assert data["power"].values.tolist() == pytest.approx([0, 1e-3, 1e-2])
+    assert data["power"].attrs["units"] == "W"
 
 
 def test_as_many_columns_as_points_are_sweeps_side_by_side(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from femnl import load
 from femnl.core.device import Model
+from femnl.core.errors import GeometryError
 from femnl.core.resources import find_geometry
 from femnl.device.geometry import curves
 from femnl.device.layout import import_layout
@@ -100,3 +101,51 @@ def test_a_frame_all_around_holds_the_whole_edge(tmp_path: Path) -> None:
     found = import_layout(path, {"film": "1/0", "frame": "3/0"}, LIKE).model
     assert len(found.outline.segments) == 5
     assert lengths(found)[1] == 0
+
+
+def layout(path: Path, film: list[gdstk.Polygon], frame: list[gdstk.Polygon]) -> Model:
+    """Import a film and the frame that holds it."""
+    library = gdstk.Library()
+    cell = library.new_cell("A")
+    cell.add(*(gdstk.Polygon(one.points, layer=1) for one in film))
+    cell.add(*(gdstk.Polygon(one.points, layer=3) for one in frame))
+    library.write_gds(path)
+    return import_layout(path, {"film": "1/0", "frame": "3/0"}, LIKE).model
+
+
+@pytest.mark.parametrize("overlap", [0.2, 1.0])
+def test_a_pad_that_overlaps_a_long_string_a_little_holds_it(
+    tmp_path: Path, overlap: float
+) -> None:
+    string = gdstk.rectangle((-1000, -2), (1000, 2))
+    pads = [
+        gdstk.rectangle((-1050, -20), (-1000, 20)),
+        gdstk.rectangle((1000 - overlap, -20), (1050, 20)),
+    ]
+    found = layout(tmp_path / "a.gds", [string], pads)
+    assert lengths(found) == pytest.approx((8e-6, 2 * (2000 - overlap) * 1e-6))
+
+
+def test_a_pillar_on_the_layer_of_the_frame_is_refused(tmp_path: Path) -> None:
+    hole = gdstk.rectangle((-10, -10), (10, 10))
+    film = gdstk.boolean(gdstk.rectangle((-50, -50), (50, 50)), hole, "not")
+    with pytest.raises(GeometryError, match="on the layer of holes, or of posts"):
+        layout(tmp_path / "a.gds", film, [hole])
+
+
+def test_pads_of_a_turned_film_hold_the_edges_that_they_touch(tmp_path: Path) -> None:
+    """Corners are rounded to 1 nm, so that a pad's edge is off the film's by a step of the grid."""
+    rng = np.random.default_rng(8)
+    for angle in rng.uniform(0, np.pi, 30):
+        film, *pads = (
+            gdstk.rectangle(*corners).rotate(angle)
+            for corners in (
+                ((-50, -50), (50, 50)),
+                ((-90, -70), (-50, 70)),
+                ((50, -33.5), (90, 33.5)),
+            )
+        )
+        for one in (film, *pads):
+            one.points[:] = np.round(one.points, 3)
+        path = tmp_path / f"{angle:.4f}.gds"
+        assert lengths(layout(path, [film], pads))[0] == pytest.approx(167e-6, abs=0.02e-6)

@@ -198,7 +198,7 @@ def test_hidden_shapes_of_an_svg_are_left_out_and_told(
 def test_a_length_with_a_unit_within_an_svg_is_refused_for_what_it_is(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
     path.write_text(SVG.format("").replace('r="50"', 'r="0.05mm"'))
-    with pytest.raises(GeometryError, match=r"'0.05mm'; give its numbers without a unit"):
+    with pytest.raises(GeometryError, match=r"'0.05mm'; give plain numbers, without units"):
         imported(path, film="F")
 
 

@@ -18,7 +18,9 @@ from femnl.device.layout.drawing import Loop
 
 Array = NDArray[np.float64]
 
-WITHIN = 4.0
+NEAR = 2.0
+"""Steps of the grid up to which a frame touches the film: both have rounded corners."""
+WITHIN = 6.0
 """Steps of the grid within which a point is on a curve that was recognised from chords."""
 
 
@@ -30,21 +32,24 @@ class Touch:
 
     def __init__(self, film: Sequence[Array], frame: Sequence[Array], grid: float) -> None:
         area, other = (_union(polygons, grid) for polygons in (film, frame))
-        edge = area.boundary
-        self.overlaps = shapely.intersection(area, other).area > grid * edge.length
-        self.held = shapely.line_merge(_lines(shapely.intersection(edge, other.boundary)))
-        self.free = shapely.line_merge(_lines(shapely.difference(edge, self.held)))
-        self._within = grid
+        edge, inner = _rings(area)
+        near = other.buffer(NEAR * grid)
+        # Rounding moves an edge by a step of the grid at most
+        self._overlaps = not shapely.intersection(area, other).buffer(-grid).is_empty
+        self._within = inner.intersects(near)
+        self.held = _long(shapely.intersection(edge, near), WITHIN * grid)
+        self.free = _long(shapely.difference(edge, near), WITHIN * grid)
+        self._grid = grid
 
     @property
     def decides(self) -> bool:
-        """Whether the frame touches the film, and takes nothing off it."""
-        return not self.overlaps and not self.held.is_empty
+        """Whether the frame touches the outer edge of the film alone, and takes nothing off it."""
+        return not (self._overlaps or self._within or self.held.is_empty)
 
     def marked(self, loop: Loop) -> Loop:
         """Return the edge of the film, clamped where the frame touches it and free elsewhere."""
-        ends = shapely.get_coordinates(shapely.intersection(self.held, self.free))
-        pieces = [piece for segment in loop for piece in _cut(segment, ends, self._within)]
+        ends = _ends(self.held)
+        pieces = [piece for segment in loop for piece in _cut(segment, ends, self._grid)]
         return tuple(replace(piece, clamped=self._holds(piece)) for piece in pieces)
 
     def _holds(self, piece: Segment) -> bool:
@@ -57,9 +62,23 @@ def _union(polygons: Sequence[Array], grid: float) -> shapely.Geometry:
     return shapely.union_all(shapely.set_precision(shapes, grid), grid_size=grid)
 
 
-def _lines(shape: shapely.Geometry) -> shapely.Geometry:
-    """Return the lines of an intersection, without lone points."""
-    return shapely.union_all([p for p in shapely.get_parts(shape) if p.length > 0])
+def _rings(area: shapely.Geometry) -> tuple[shapely.Geometry, shapely.Geometry]:
+    """Return the outer edges of a region, and its inner ones."""
+    polygons = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon"]
+    outer = shapely.union_all([polygon.exterior for polygon in polygons])
+    return outer, shapely.union_all([ring for polygon in polygons for ring in polygon.interiors])
+
+
+def _long(shape: shapely.Geometry, least: float) -> shapely.Geometry:
+    """Return the lines of a shape that are longer than that [m], joined where they meet."""
+    joined = shapely.get_parts(shapely.line_merge(shapely.union_all(shapely.get_parts(shape))))
+    return shapely.union_all([line for line in joined if line.length > least])
+
+
+def _ends(lines: shapely.Geometry) -> Array:
+    """Return where lines begin and end (n, 2) [m]."""
+    found = [shapely.get_coordinates(line)[[0, -1]] for line in shapely.get_parts(lines)]
+    return np.concatenate(found) if found else np.empty((0, 2))
 
 
 def _cut(segment: Segment, points: Array, within: float) -> list[Segment]:

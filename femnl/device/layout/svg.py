@@ -37,9 +37,9 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
     try:
         document = svgpathtools.Document(str(path))
         found = document.paths()
-    except ValueError as error:
+    except (ValueError, AttributeError, IndexError) as error:
         raise GeometryError(
-            one_line(f"{path}: a shape is not read: {error}; give its numbers without a unit")
+            one_line(f"{path}: a shape is not read: {error}; give plain numbers, without units")
         ) from error
     except (OSError, ElementTree.ParseError) as error:
         raise GeometryError(one_line(f"{path}: not a whole SVG file; export it again")) from error
@@ -147,6 +147,8 @@ def _refuse_unread(path: Path, root: Any, layer: str, parents: Mapping[Any, Any]
     """Refuse elements of a group that would be passed over, or read in another place."""
     for element in root.iter():
         if not isinstance(element.tag, str) or layer not in _names(element, parents):
+            continue
+        if _hidden(element, parents):
             continue
         kind = element.tag.rpartition("}")[2]
         if kind in UNREAD and element is not root:

@@ -31,6 +31,8 @@ CLOSE = 1e-10
 ROUNDS = 5
 SUSTAINED = -0.5
 """Damping ratio below which a power falls at less than half of its last rate at first."""
+ROUNDING = 1e-12
+"""Of the largest value, what is left of it as numbers are rounded."""
 FEWEST = 16
 """Samples below which nothing is fitted."""
 
@@ -105,15 +107,16 @@ def fit_ringdown(
     slopes = decay.jacobian(values) / spread[:, None]
     found, blind = held.covariance(slopes, natural_units(slopes, decay.data / spread))
     notes = [f"{np.count_nonzero(~good)} missing samples left out"] if not good.all() else []
-    left = _left(decay, rest, values)
-    if left.misses:
+    left = _left(decay, rest, values, stated=noise_sd is not None)
+    misses = left.misses and noise > ROUNDING * float(np.abs(v).max())
+    if misses:
         notes.append(left.note)
         found = found * left.factor**2
-    known = 1.0 if noise_sd or not left.misses else left.floor
+    known = 1.0 if noise_sd or not misses else left.floor
     if not noise_sd:
         notes.append(
             "noise_sd is not given: what is left of the signal "
-            + ("far from the mode " if left.misses else "")
+            + ("far from the mode " if misses else "")
             + f"is taken for noise, {noise * np.sqrt(known):.3g} V"
         )
     notes += _sustained(dict(zip(decay.names, values, strict=True)))
@@ -125,14 +128,15 @@ def fit_ringdown(
     )
 
 
-def _left(decay: Decay, rest: NDArray[np.inexact], values: Array) -> Left:
+def _left(decay: Decay, rest: NDArray[np.inexact], values: Array, *, stated: bool) -> Left:
     """Return what a fit leaves near the mode and beside it."""
     shown = dict(zip(decay.names, values, strict=True))
     frequency = shown.get("frequency", 0.0) + (decay.reference if decay.kind == "voltage" else 0.0)
     real, imag = np.split(rest, 2) if decay.kind == "complex" else (rest, None)
     left = real if imag is None else real + 1j * imag
-    interval = float(np.median(np.diff(decay.time)))
-    return left_of(left, interval, frequency, shown["decay_rate"] / (2 * np.pi))
+    interval = float(decay.time[-1] / (len(decay.time) - 1))
+    width = shown["decay_rate"] / (2 * np.pi)
+    return left_of(left, interval, frequency, width, stated=stated)
 
 
 def _sustained(shown: Mapping[str, float]) -> list[str]:

@@ -33,6 +33,7 @@ class Left:
     beside: float
     floor: float
     within: float
+    stated: bool
 
     @property
     def ratio(self) -> float:
@@ -42,7 +43,7 @@ class Left:
     @property
     def misses(self) -> bool:
         """Whether the model misses the data."""
-        return self.ratio > MISSED
+        return self.ratio > MISSED and (self.near > MISSED or not self.stated)
 
     @property
     def factor(self) -> float:
@@ -63,23 +64,27 @@ class Left:
         return f"{told}; standard deviations are those of it"
 
 
-def left_of(rest: NDArray[np.inexact], interval: float, frequency: float, width: float) -> Left:
+def left_of(
+    rest: NDArray[np.inexact], interval: float, frequency: float, width: float, *, stated: bool
+) -> Left:
     """Return the power of residuals near a mode and beside it.
 
     Args: rest (n,): in units of the noise, real of a voltage or of a squared magnitude, complex of
         an amplitude, whose parts have unit variance each; interval between samples [s]; frequency:
-        of the mode in the spectrum of the residuals [Hz]; width: the mode's linewidth [Hz].
+        of the mode in the spectrum of the residuals [Hz]; width: the mode's linewidth [Hz]; stated:
+        whether the noise is known beforehand.
     """
     n = len(rest)
     parts = 2 if np.iscomplexobj(rest) else 1
     power = np.abs(np.fft.fft(rest)) ** 2 / (n * parts)
     step = 1 / (n * interval)
     reach = int(np.clip(np.ceil(WIDTHS * width / step), FEWEST, max(n // (4 * SIDES), 1)))
-    away = np.abs(np.fft.fftfreq(n) * n - frequency / step)
+    # A frequency beyond half the rate is seen folded
+    away = np.abs((np.arange(n) - frequency / step + n / 2) % n - n / 2)
     sides = (away > reach) & (away <= SIDES * reach)
     near = float(power[away <= reach].mean())
     # A line of its own, such as another mode, hardly moves the median
     wider = float(power[sides].mean())
     beside, floor = (float(np.median(power[some])) / MEDIAN for some in (sides, away > reach))
     within = reach if near >= wider else SIDES * reach
-    return Left(max(near, wider), beside, floor, within * step)
+    return Left(max(near, wider), beside, floor, within * step, stated)

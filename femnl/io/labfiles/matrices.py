@@ -9,6 +9,13 @@ from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import PARTS, SWEEP_VALUES
 from femnl.io.labfiles.named_columns import Columns
 
+FEWEST_POINTS = 8
+"""Points that a sweep has at least."""
+EVEN = 10.0
+"""Factor by which steps along sweeps must be more even than those from sweep to sweep."""
+ROUNDING = 1e-6
+"""Of a step, what it may be uneven by as it is rounded."""
+
 
 def unrolled(
     columns: Columns, where: str, *, side_by_side: bool = False
@@ -23,10 +30,15 @@ def unrolled(
     Returns: columns of sweeps × points rows, `sweep` among them, and notes.
     Raises: MeasurementError where sizes disagree, or where rows and columns are alike.
     """
+    columns = {name: _without_idle_axes(values) for name, values in columns.items()}
     part = next(name for name in (*PARTS, *columns) if name in columns and columns[name].ndim > 1)
     shape = columns[part].shape
     if len(shape) != 2:
         raise MeasurementError(f"{where}: columns.{part} has {len(shape)} axes; save a matrix")
+    columns = {
+        name: values.ravel() if 1 in values.shape and values.shape != shape else values
+        for name, values in columns.items()
+    }
     along = 1 if side_by_side else _axis_of_points(columns, part, where)
     points = shape[along]
     sweeps = shape[1 - along]
@@ -56,7 +68,7 @@ def _axis_of_points(columns: Columns, part: str, where: str) -> int:
     rows, cols = columns[part].shape
     frequency = columns["frequency"]
     if frequency.ndim > 1:
-        return int(np.argmax([_span(frequency, axis) for axis in (0, 1)]))
+        return _along(columns, part, where)
     fitting = [axis for axis, size in enumerate((rows, cols)) if size == frequency.size]
     if len(fitting) == 2:
         raise MeasurementError(
@@ -71,10 +83,42 @@ def _axis_of_points(columns: Columns, part: str, where: str) -> int:
     return fitting[0]
 
 
-def _span(frequency: NDArray[np.float64], axis: int) -> float:
-    """Return how far the frequencies reach along an axis, in the mean [Hz]."""
-    known = np.ma.masked_invalid(frequency)
-    return float(np.ma.filled((known.max(axis=axis) - known.min(axis=axis)).mean(), 0.0))
+def _along(columns: Columns, part: str, where: str) -> int:
+    """Return the axis along which the frequencies of a matrix are those of a sweep.
+
+    A column with one value a sweep tells by its length, and an axis that is too short for a sweep.
+    Else frequencies must rise or fall along one axis alone, or in even steps along one alone.
+    """
+    shape = columns[part].shape
+    lengths = {values.size for name, values in columns.items() if name in SWEEP_VALUES}
+    told = [axis for axis in (0, 1) if shape[1 - axis] in lengths]
+    if shape[0] != shape[1] and len(told) == 1:
+        return told[0]
+    long = [axis for axis in (0, 1) if shape[axis] >= FEWEST_POINTS]
+    if len(long) == 1:
+        return long[0]
+    unevenness = [_unevenness(columns["frequency"], axis) for axis in (0, 1)]
+    best = int(np.argmin(unevenness))
+    if unevenness[1 - best] > EVEN * max(unevenness[best], ROUNDING):
+        return best
+    raise MeasurementError(
+        f"{where}: frequencies of columns.{part}, {shape[0]} × {shape[1]}, run along its rows as "
+        "well as along its columns; give a drive, or a sweep number, of each sweep"
+    )
+
+
+def _unevenness(frequency: NDArray[np.float64], axis: int) -> float:
+    """Return how far steps along an axis are from their mean, over that; infinite if they turn."""
+    steps = np.ma.masked_invalid(np.diff(frequency, axis=axis))
+    mean = steps.mean(axis=axis, keepdims=True)
+    if np.ma.any(steps * mean <= 0):
+        return float(np.inf)
+    return float(np.ma.max(np.abs(steps / mean - 1)))
+
+
+def _without_idle_axes(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an array of more than two axes without those of length one."""
+    return values.squeeze() if values.ndim > 2 else values
 
 
 def _refuse_size(

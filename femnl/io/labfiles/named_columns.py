@@ -61,7 +61,7 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
         where_here = f"{place} ({key})"
         if name == "direction":
             values = directions(values)
-        if name == "power":
+        if name == "power" and si == "dB":
             taken[name] = _powers(values, column.unit, where_here)
         elif name == "magnitude" or (name == "drive" and is_level(column.unit)):
             taken[name] = magnitudes(values, column.unit, key, where_here)

@@ -48,7 +48,7 @@ def as_stated(spec: Spec, units: Mapping[str, str], where: str) -> tuple[Spec, l
     for name in spec.columns:
         column = spec.column(name)
         place = f"{where}: columns.{name}"
-        found = _one_for_all(column, units, place)
+        found = _one_for_all(name, spec, units, place)
         head = ", ".join(map(str, columns_of(column)))
         rms = _RMS.fullmatch(found)
         if rms and spec.rms is None:
@@ -74,17 +74,35 @@ def as_stated(spec: Spec, units: Mapping[str, str], where: str) -> tuple[Spec, l
     return spec.model_copy(update={"columns": columns}), notes
 
 
-def _one_for_all(column: Column, units: Mapping[str, str], place: str) -> str:
-    """Return the unit that the file states of a column, or of several that are one quantity."""
-    names = columns_of(column)
-    stated = [units.get(normalize("NFKC", str(name)), "") for name in names]
-    other = next((unit for unit in stated if unit != stated[0]), None)
+def _one_for_all(name: str, spec: Spec, units: Mapping[str, str], place: str) -> str:
+    """Return the unit that the file states of a column, or of several that are one quantity.
+
+    Of several, what is no unit may be a number or a word that tells them apart.
+    """
+    column = spec.column(name)
+    columns = columns_of(column)
+    stated = [units.get(normalize("NFKC", str(one)), "") for one in columns]
+    if len(stated) < 2:
+        return stated[0] if stated else ""
+    si = _si(name, spec)
+    known = [unit if _means_a_unit(unit, si) or _fits(unit, name, spec) else "" for unit in stated]
+    if column.unit is not None:
+        wrong = (unit for unit in known if unit and not _same(unit, column.unit, si))
+        return next(wrong, column.unit)
+    other = next((k for k, unit in enumerate(known) if unit != known[0]), None)
     if other is not None:
         raise MeasurementError(
-            f"{place}: the file says {stated[0]!r} of {str(names[0])!r} and {other!r} of another "
-            "of its columns; save them in one unit"
+            f"{place}: the file says {known[0]!r} of {str(columns[0])!r} and {known[other]!r} of "
+            f"{str(columns[other])!r}; save them in one unit, or give unit"
         )
-    return stated[0] if stated else ""
+    return known[0]
+
+
+def _means_a_unit(text: str, si: str) -> bool:
+    """Whether text is a unit of something, or one of the quantity in wrong letters."""
+    plain = rms[1] if (rms := _RMS.fullmatch(text)) else text
+    alike = any(unit.casefold() == plain.casefold() for unit in multiples(si))
+    return alike or is_level(plain) or plain in ELSEWHERE
 
 
 def _told(found: str, si: str, head: str, place: str) -> str:
@@ -93,7 +111,7 @@ def _told(found: str, si: str, head: str, place: str) -> str:
     Raises: MeasurementError where it is the unit of another quantity, or one in wrong letters.
     """
     meant = [unit for unit in multiples(si) if unit.casefold() == found.casefold()]
-    if meant or is_level(found) or found in ELSEWHERE:
+    if _means_a_unit(found, si):
         instead = " or ".join(map(repr, meant)) or repr(si)
         raise MeasurementError(
             f"{place}: the file says {found!r} of {head!r}, which is no unit of {si}; give the "
@@ -114,11 +132,11 @@ def _si(name: str, spec: Spec) -> str:
 
 def _fits(unit: str, name: str, spec: Spec) -> bool:
     """Whether text is a unit of a quantity that has one; dB alone says nothing of volts."""
-    if is_level(unit):
-        return name == "power" or (name in ("magnitude", "drive") and unit != "dB")
-    if name == "power":
-        return bool(unit) and is_unit_of(unit, "W")
     si = _si(name, spec)
+    if is_level(unit):
+        return si == "dB" or (name in ("magnitude", "drive") and unit != "dB")
+    if si == "dB":
+        return bool(unit) and is_unit_of(unit, "W")
     return bool(unit and si) and is_unit_of(unit, si)
 
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io import measurement
@@ -190,7 +191,7 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
     volts = columns["magnitude"] + 0j if alone else columns["real"] + 1j * columns["imag"]
     keys = [columns[name] for name in ("sweep", *_PER_SWEEP) if name in columns]
     changes = (
-        np.logical_or.reduce([values[1:] != values[:-1] for values in keys])
+        np.logical_or.reduce([_changes(values) for values in keys])
         if keys
         else np.zeros(frequency.size - 1, dtype=bool)
     )
@@ -205,7 +206,7 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
     own = _own_units(spec)
     for name in (*_BESIDE, *own):
         if name in columns:
-            labels[name] = np.array([np.nanmean(columns[name][piece]) for piece in pieces])
+            labels[name] = np.array([_mean_of(columns[name][piece]) for piece in pieces])
             notes.append(f"{where}: {name} of a sweep is the mean over its points")
     for name in ("time", "duration"):
         if name in columns:
@@ -224,6 +225,20 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
     if "direction" in columns:
         notes += contradicted(frequency, columns["direction"], pieces, where)
     return dataset, [*found, *notes]
+
+
+def _changes(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return where a column changes from row to row; what is missing (NaN) in both does not."""
+    before = values[:-1]
+    after = values[1:]
+    missing = (before != before) & (after != after)
+    return np.asarray((before != after) & ~missing, dtype=bool)
+
+
+def _mean_of(values: NDArray[Any]) -> float:
+    """Return the mean of the values that are known, NaN where none is."""
+    known = values[np.isfinite(values)]
+    return float(np.mean(known)) if known.size else np.nan
 
 
 def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
