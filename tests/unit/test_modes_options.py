@@ -8,6 +8,7 @@ from femnl.cli._main import run
 from femnl.core.errors import ParameterError
 from femnl.device.geometry import parse
 from femnl.mechanics.modes.quality import solve_quality
+from femnl.plot.film import film_box
 from femnl.plot.mechanics import close_up
 
 RIBBON = """
