@@ -267,7 +267,7 @@ def test_bands_of_a_covered_film_are_plane_waves_of_its_laminate(kind: Any) -> N
     wave = np.array([[0.3, 0.1], [0.5, 0.4]]) * np.pi / 8e-6
     found = solve_bands(model, 5, wave, lattice=lattice)
     assert found.mass == pytest.approx(MASS, rel=1e-10, abs=0)
-    assert found.tension == pytest.approx(108.0, rel=1e-9, abs=0)
+    np.testing.assert_allclose(found.tension, 108.0 * np.eye(2), rtol=1e-9, atol=1e-9)
     for k, frequency, error in zip(wave, found.frequency, found.frequency_error, strict=True):
         square = np.sum((k + grid @ basis) ** 2, axis=1)
         omega = np.sort(np.sqrt((108.0 * square + RIGIDITY * square**2) / MASS))[:5]
