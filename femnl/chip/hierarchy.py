@@ -24,16 +24,12 @@ from femnl.chip.mixture import LOG2PI, TINY, Mixture
 from femnl.chip.scales import FIELDS, PLANE, TERMS, Scales, grid
 from femnl.chip.sums import Sums, sums_of
 from femnl.chip.values import LEAST_SHARE, Array, Integers, Values
-from femnl.core.robust import MAD
+from femnl.core.robust import MAD, least_absolute
 
 MEAN_SD = 20.0
 """Standard deviation of the prior of a group's mean about its median, in the same unit."""
-
-
 ENOUGH = 12
-"""Devices from which on a bowl leaves what they differ by: twice its terms and its mean."""
-ROUNDS = 20
-"""Least squares in turn that end at the least sum of absolute deviations."""
+"""Devices from which on what a bowl leaves is no chance: twice its terms and its mean."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +103,8 @@ class Hierarchy:
         own = (v.group[:, None] == v.groups).astype(float)
         columns = np.hstack([own, self.terms(v.place)])
         off = v.y - self.reference(v)
-        weight = np.ones(len(off))
-        for _ in range(ROUNDS):
-            fitted = np.linalg.lstsq(columns * weight[:, None], off * weight, rcond=None)[0]
-            left = np.abs(off - columns @ fitted)
-            weight = 1 / np.sqrt(np.maximum(left, LEAST_SHARE * self.unit))
-        return float(np.clip(MAD * np.median(left) / self.unit, LEAST_SHARE, 1.0))
+        left = least_absolute(columns, off / self.unit)
+        return float(np.clip(MAD * np.median(left), LEAST_SHARE, 1.0))
 
     @cached_property
     def prior_sd(self) -> Array:
