@@ -103,6 +103,13 @@ def _refuse_doubled(spec: Spec, where: str) -> None:
         first[key] = name
 
 
+def need_columns(columns: Columns, names: tuple[str, ...], where: str) -> None:
+    """Refuse a table without one of its columns. Raises: MeasurementError."""
+    for name in names:
+        if name not in columns:
+            raise MeasurementError(f"{where}: columns.{name} is missing; say which column holds it")
+
+
 def _control(spec: Spec, name: str, place: str) -> Item:
     """Return the item of a column that is a control variable of the file's own.
 

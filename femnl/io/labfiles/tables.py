@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io import measurement
@@ -16,12 +14,11 @@ from femnl.io.labfiles.base import (
     SWEEP_VALUES,
     refuse_lengths,
     scalar_values,
-    sweeps_to_response,
 )
-from femnl.io.labfiles.cuts import contradicted, cuts_of, lasts
 from femnl.io.labfiles.levels import even_clock, is_level, refuse_times_that_go_back
 from femnl.io.labfiles.matrices import unrolled
-from femnl.io.labfiles.named_columns import COMPLEX, Columns
+from femnl.io.labfiles.named_columns import COMPLEX, Columns, need_columns
+from femnl.io.labfiles.responses import BESIDE, PER_SWEEP, response_of
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import KINDS, coherent
 
@@ -29,9 +26,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _OF_A_DECAY = {"frequency": "Hz", "bandwidth": "Hz", "pressure": "Pa", "temperature": "K"}
-_PER_SWEEP = ("drive", "direction", "x", "y", "harmonic")
-_BESIDE = ("temperature", "pressure", "laser_power", "voltage")
-"""What may change a little within a sweep, of which a sweep has the mean."""
 
 
 def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
@@ -55,7 +49,7 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     if any(values.ndim > 1 for values in columns.values()) or spec.kind in ("spectrum", "series"):
         return _direct(spec, columns, where), []
     if spec.kind == "response":
-        dataset, notes = _response(spec, columns, where)
+        dataset, notes = response_of(spec, columns, _own_units(spec), where)
         return dataset, [*order, *notes]
     if spec.kind == "map":
         return _map(spec, columns, where), []
@@ -74,7 +68,7 @@ def _of_all_points(columns: Columns) -> Columns:
 def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:
     """Refuse a column that is named and that a table of this kind has no use for."""
     used = {
-        "response": ("frequency", "time", "duration", "sweep", *PARTS, *_PER_SWEEP, *_BESIDE),
+        "response": ("frequency", "time", "duration", "sweep", *PARTS, *PER_SWEEP, *BESIDE),
         "map": ("x", "y", "harmonic", *PARTS),
         "trace": ("time", "voltage", "drive_voltage", "drive_frequency"),
         "decay": ("time", "power", *PARTS),
@@ -107,7 +101,7 @@ def _complex(spec: Spec, columns: Columns, where: str) -> None:
     if "amplitude" in columns:
         values = columns.pop("amplitude")
     elif "magnitude" in columns:
-        _need(columns, ("phase",), where)
+        need_columns(columns, ("phase",), where)
         values = columns.pop("magnitude") * np.exp(1j * columns.pop("phase"))
     elif "real" in columns and "imag" in columns:
         values = columns["real"] + 1j * columns["imag"]
@@ -125,7 +119,7 @@ def _direct(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     The contract's check does the rest.
     """
     if spec.kind == "spectrum":
-        _need(columns, ("frequency", "frequency_sd"), where)
+        need_columns(columns, ("frequency", "frequency_sd"), where)
         label = [str(value) for value in columns.pop("label")] if "label" in columns else None
         frequency = columns.pop("frequency")
         rest: dict[str, Any] = columns
@@ -164,15 +158,9 @@ def _own_units(spec: Spec) -> dict[str, str]:
     }
 
 
-def _need(columns: Columns, names: tuple[str, ...], where: str) -> None:
-    for name in names:
-        if name not in columns:
-            raise MeasurementError(f"{where}: columns.{name} is missing; say which column holds it")
-
-
 def _decay(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     """Put a time and a power, a magnitude or an amplitude together."""
-    _need(columns, ("time",), where)
+    need_columns(columns, ("time",), where)
     refuse_times_that_go_back(
         columns["time"], [f"{where}: row {row + 1}" for row in range(len(columns["time"]))]
     )
@@ -184,65 +172,8 @@ def _decay(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     return measurement.decay(**columns, attributes=attributes)
 
 
-def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
-    alone = "magnitude" in columns
-    _need(columns, ("frequency", *(("magnitude",) if alone else ("real", "imag"))), where)
-    frequency = columns["frequency"]
-    volts = columns["magnitude"] + 0j if alone else columns["real"] + 1j * columns["imag"]
-    keys = [columns[name] for name in ("sweep", *_PER_SWEEP) if name in columns]
-    changes = (
-        np.logical_or.reduce([_changes(values) for values in keys])
-        if keys
-        else np.zeros(frequency.size - 1, dtype=bool)
-    )
-    cuts = cuts_of(frequency, changes, turns="sweep" not in columns)
-    pieces = [slice(start, stop) for start, stop in pairwise(cuts)]
-    labels = {
-        name: np.array([columns[name][piece][0] for piece in pieces], dtype=float)
-        for name in _PER_SWEEP
-        if name in columns
-    }
-    notes: list[str] = []
-    own = _own_units(spec)
-    for name in (*_BESIDE, *own):
-        if name in columns:
-            labels[name] = np.array([_mean_of(columns[name][piece]) for piece in pieces])
-            notes.append(f"{where}: {name} of a sweep is the mean over its points")
-    for name in ("time", "duration"):
-        if name in columns:
-            labels[name] = np.array([columns[name][piece][0] for piece in pieces], dtype=float)
-    if "time" in columns and "duration" not in columns:
-        lasting = np.array([lasts(columns["time"][piece]) for piece in pieces])
-        if np.any(lasting):  # a time of each sweep alone does not tell
-            labels["duration"] = lasting
-            notes.append(f"{where}: time and duration of a sweep are those of its points")
-    dataset, found = sweeps_to_response(
-        [(frequency[piece], volts[piece]) for piece in pieces], dict(labels), spec, where, own
-    )
-    if alone:
-        dataset = dataset.drop_vars("imag").rename({"real": "magnitude"})
-        notes.append(f"{where}: magnitudes alone; the phase is not known")
-    if "direction" in columns:
-        notes += contradicted(frequency, columns["direction"], pieces, where)
-    return dataset, [*found, *notes]
-
-
-def _changes(values: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return where a column changes from row to row; what is missing (NaN) in both does not."""
-    before = values[:-1]
-    after = values[1:]
-    missing = (before != before) & (after != after)
-    return np.asarray((before != after) & ~missing, dtype=bool)
-
-
-def _mean_of(values: NDArray[Any]) -> float:
-    """Return the mean of the values that are known, NaN where none is."""
-    known = values[np.isfinite(values)]
-    return float(np.mean(known)) if known.size else np.nan
-
-
 def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
-    _need(columns, ("x", "y", "real", "imag"), where)
+    need_columns(columns, ("x", "y", "real", "imag"), where)
     harmonic = columns.get(
         "harmonic",
         np.full(
@@ -279,7 +210,7 @@ def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
 
 
 def _trace(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
-    _need(columns, ("voltage",), where)
+    need_columns(columns, ("voltage",), where)
     if "time" not in columns:
         raise MeasurementError(
             f"{where}: columns.time is missing; say which column holds it, or give time = "
