@@ -9,6 +9,7 @@ from femnl.core.numbers import Scale, scale_for, with_error
 CLEAR = 0.95
 """Probability from which on a form of the variation is called so."""
 MOST_DECIMALS = 5
+"""Decimals beyond which no number of a table goes."""
 LEAST_TOLD = 1e-3
 """Probability below which a number is not told: the priors are not known that well."""
 

@@ -282,7 +282,6 @@ SLOW = 1e4
 
 
 def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
-
     model = modes.domain.model
     # Modes of a few kilohertz and less in Hz, where six decimals of MHz hold nothing
     divisor, unit = (1e6, "MHz") if modes.frequency[-1] >= SLOW else (1.0, "Hz")

@@ -1,7 +1,8 @@
 """Where a frame that touches the film holds it.
 
 A layout draws an arc as chords, and the curves of each layer are recognised for themselves: to cut
-a film by a frame that touches it would leave slivers. Their chords tell exactly where they touch.
+a film by a frame that touches it would leave slivers. Their chords tell where they touch, to a few
+steps of the grid.
 """
 
 from collections.abc import Sequence
@@ -36,7 +37,7 @@ class Touch:
         near = other.buffer(NEAR * grid)
         # Rounding moves an edge by a step of the grid at most
         self._overlaps = not shapely.intersection(area, other).buffer(-grid).is_empty
-        self._within = inner.intersects(near)
+        self._inside = inner.intersects(near)
         self.held = _long(shapely.intersection(edge, near), WITHIN * grid)
         self.free = _long(shapely.difference(edge, near), WITHIN * grid)
         self._grid = grid
@@ -44,7 +45,7 @@ class Touch:
     @property
     def decides(self) -> bool:
         """Whether the frame touches the outer edge of the film alone, and takes nothing off it."""
-        return not (self._overlaps or self._within or self.held.is_empty)
+        return not (self._overlaps or self._inside or self.held.is_empty)
 
     def marked(self, loop: Loop) -> Loop:
         """Return the edge of the film, clamped where the frame touches it and free elsewhere."""
@@ -81,16 +82,19 @@ def _ends(lines: shapely.Geometry) -> Array:
     return np.concatenate(found) if found else np.empty((0, 2))
 
 
-def _cut(segment: Segment, points: Array, within: float) -> list[Segment]:
-    """Return the pieces of a segment between those points (n, 2) [m] that lie on it."""
-    found = (_place_on(segment, point, within) for point in points)
+def _cut(segment: Segment, points: Array, grid: float) -> list[Segment]:
+    """Return the pieces of a segment between those points (n, 2) [m] that lie on it.
+
+    Args: grid: step [m] of the coordinates.
+    """
+    found = (_place_on(segment, point, grid) for point in points)
     places = sorted(place for place in found if place is not None)
     cuts = [(float(x), float(y)) for x, y in curves.point_at(segment, np.array(places))]
     corners = [segment.start, *cuts, segment.end]
     return [replace(segment, start=one, end=other) for one, other in pairwise(corners)]
 
 
-def _place_on(segment: Segment, point: Array, within: float) -> float | None:
+def _place_on(segment: Segment, point: Array, grid: float) -> float | None:
     """Return the part of a segment before a point on it; None off it and at its ends."""
     if segment.centre is None:
         along = np.subtract(segment.end, segment.start)
@@ -107,5 +111,5 @@ def _place_on(segment: Segment, point: Array, within: float) -> float | None:
     away, from_start, from_end = (
         np.hypot(*(curves.point_at(segment, place) - one)) for one in near
     )
-    on_it = away < WITHIN * within and min(from_start, from_end) > WITHIN * within
+    on_it = away < WITHIN * grid and min(from_start, from_end) > WITHIN * grid
     return place if on_it else None

@@ -15,7 +15,7 @@ Signal = Literal["voltage", "complex", "magnitude"]
 STEP = 1e-30
 # Below this ln(1 + x)/x is taken from its series, which is then exact to 1e-16.
 SMALL = 1e-4
-LEAST = -1 + 1e-9
+LEAST = -1 + 1e-9  # of d·s, at −1 of which the amplitude would be infinite
 BLOCKS = 400
 PERIODS = 8
 # Points this many times the typical noise are strong enough to follow their phase.

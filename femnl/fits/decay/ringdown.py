@@ -13,7 +13,7 @@ from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.covariance import derived, natural_units
 from femnl.fits.decay.model import Array, Decay, Numbers, Signal, strongest
-from femnl.fits.decay.whiteness import Left, left_of
+from femnl.fits.decay.whiteness import ResidualPower, residual_power
 from femnl.fits.held import Held, hold_fixed
 
 UNITS = {
@@ -107,12 +107,12 @@ def fit_ringdown(
     slopes = decay.jacobian(values) / spread[:, None]
     found, blind = held.covariance(slopes, natural_units(slopes, decay.data / spread))
     notes = [f"{np.count_nonzero(~good)} missing samples left out"] if not good.all() else []
-    left = _left(decay, rest, values, stated=noise_sd is not None)
-    misses = left.misses and noise > ROUNDING * float(np.abs(v).max())
+    power = _residual_power(decay, rest, values, stated=noise_sd is not None)
+    misses = power.misses and noise > ROUNDING * float(np.abs(v).max())
     if misses:
-        notes.append(left.note)
-        found = found * left.factor**2
-    known = 1.0 if noise_sd or not misses else left.floor
+        notes.append(power.note)
+        found = found * power.factor**2
+    known = 1.0 if noise_sd or not misses else power.floor
     if not noise_sd:
         notes.append(
             "noise_sd is not given: what is left of the signal "
@@ -128,15 +128,17 @@ def fit_ringdown(
     )
 
 
-def _left(decay: Decay, rest: NDArray[np.inexact], values: Array, *, stated: bool) -> Left:
-    """Return what a fit leaves near the mode and beside it."""
+def _residual_power(
+    decay: Decay, rest: NDArray[np.inexact], values: Array, *, stated: bool
+) -> ResidualPower:
+    """Return the power of the residuals near the mode and beside it."""
     shown = dict(zip(decay.names, values, strict=True))
     frequency = shown.get("frequency", 0.0) + (decay.reference if decay.kind == "voltage" else 0.0)
     real, imag = np.split(rest, 2) if decay.kind == "complex" else (rest, None)
-    left = real if imag is None else real + 1j * imag
+    residuals = real if imag is None else real + 1j * imag
     interval = float(decay.time[-1] / (len(decay.time) - 1))
     width = shown["decay_rate"] / (2 * np.pi)
-    return left_of(left, interval, frequency, width, stated=stated)
+    return residual_power(residuals, interval, frequency, width, stated=stated)
 
 
 def _sustained(shown: Mapping[str, float]) -> list[str]:

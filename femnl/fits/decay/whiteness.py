@@ -22,11 +22,12 @@ MEDIAN = float(np.log(2))
 
 
 @dataclass(frozen=True)
-class Left:
-    """What a fit leaves, in units of the noise that is assumed.
+class ResidualPower:
+    """Power of the residuals of a fit, in units of the noise that is assumed.
 
     near, beside, floor: power near the mode, in most of the spectrum beside it, and in most of the
     rest, each 1 for the white noise assumed. within: how far from the mode is near [Hz].
+    stated: whether the noise is known beforehand.
     """
 
     near: float
@@ -64,9 +65,9 @@ class Left:
         return f"{told}; standard deviations are those of it"
 
 
-def left_of(
+def residual_power(
     rest: NDArray[np.inexact], interval: float, frequency: float, width: float, *, stated: bool
-) -> Left:
+) -> ResidualPower:
     """Return the power of residuals near a mode and beside it.
 
     Args: rest (n,): in units of the noise, real of a voltage or of a squared magnitude, complex of
@@ -87,4 +88,4 @@ def left_of(
     wider = float(power[sides].mean())
     beside, floor = (float(np.median(power[some])) / MEDIAN for some in (sides, away > reach))
     within = reach if near >= wider else SIDES * reach
-    return Left(max(near, wider), beside, floor, within * step, stated)
+    return ResidualPower(max(near, wider), beside, floor, within * step, stated)

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 
 DEGREES = (4, 3, 2)
 LONGEST = 0.05  # of π/pitch: the wave number that lifts stiffnesses of longer waves
+ALIKE = 1e-5
+"""Of the speed of long waves, a difference that is that of the mesh."""
 STILL = 1e-6  # of the lift, below which ω² is that of the film that moves as a whole
 
 
@@ -64,8 +66,12 @@ class Bands:
 
     @property
     def axes(self) -> Array:
-        """Directions (2, 2) of the slowest and of the fastest long waves, in rows."""
-        return np.asarray(np.linalg.eigh(self.tension)[1].T)
+        """Directions (2, 2) of the slowest and of the fastest long waves, in rows.
+
+        x and y where all are as fast.
+        """
+        (low, high), directions = np.linalg.eigh(self.tension)
+        return np.eye(2) if high - low < 2 * ALIKE * high else np.asarray(directions.T)
 
     @property
     def speed(self) -> Array:

@@ -2,10 +2,7 @@
 
 import numpy as np
 
-from femnl.mechanics.bands.solve import Bands
-
-ALIKE = 1e-5
-"""Of the speed of long waves, a difference that is that of the mesh."""
+from femnl.mechanics.bands.solve import ALIKE, Bands
 
 
 def speeds(bands: Bands, decimals: int) -> str:
